@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from svbrdfgan.scene.description import Scene, SceneWeathering
 from svbrdfgan.scene.loader import SceneLoader, subject_key
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.types import Layer
+from svbrdfgan.utils.large_tensors import half_tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +29,10 @@ class Exemplars:
     """The exemplars of a split.
 
     Attributes:
-        images: premultiplied linear radiance, half precision, in memory.
+        images: premultiplied linear radiance, half precision, in main memory or, if there are many, in a file.
         coverage: share of each pixel that shows the surface, half precision.
         scenes: the description of each picture's scene.
-        subjects: the surfaces that the pictures show, each once.
+        subjects: the surfaces that the pictures show, each once. A window is read from its file when it is asked for.
         subject_of: for each exemplar, the index of its subject.
         layers: what G0 painted on each exemplar's surface; None where it is not `weathered`. A layer is read from its
             file when it is asked for: together they may take more memory than the pictures.
@@ -41,13 +42,18 @@ class Exemplars:
     images: Float[Tensor, "exemplars height width 3"]
     coverage: Float[Tensor, "exemplars height width"]
     scenes: tuple[Scene, ...]
-    subjects: tuple[Subject, ...]
+    subjects: Sequence[Subject]
     subject_of: Int[Tensor, " exemplars"]
     layers: Sequence[Layer | None]
     loader: SceneLoader
 
     def __len__(self) -> int:
         return len(self.scenes)
+
+    @property
+    def windowed(self) -> bool:
+        """Whether all subjects are windows; training sees windows alone, or none."""
+        return _windowed(self.scenes)
 
     def subject(self, exemplar: int) -> Subject:
         return self.subjects[int(self.subject_of[exemplar])]
@@ -82,21 +88,28 @@ def load_exemplars(dataset: Dataset, split: Split, generator: GeneratorConfig | 
         )
     paths = [exemplar_paths(folder, split, number) for number in range(count)]
     scenes = tuple(_load_scene(record, index.config) for _, record in paths)
-    pictures = torch.stack([_load_picture(picture, scene) for (picture, _), scene in zip(paths, scenes, strict=True)])
     loader = SceneLoader(folder)
+    pictures = half_tensor((count, scenes[0].height, scenes[0].width, 4), loader.cache)
+    for into, (picture, _), scene in zip(pictures, paths, scenes, strict=True):
+        into[:] = _load_picture(picture, scene)
     load = partial(_load_subject, loader, GeneratorConfig() if generator is None else generator)
     keys = [subject_key(scene) for scene in scenes]
-    first_of = {key: keys.index(key) for key in keys}
-    number_of = {key: number for number, key in enumerate(first_of)}
+    first_of = dict(zip(reversed(keys), reversed(scenes), strict=True))
+    number_of = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    shown = _Loaded(load, [first_of[key] for key in number_of])
     return Exemplars(
         images=pictures[..., :3],
         coverage=pictures[..., 3],
         scenes=scenes,
-        subjects=tuple(map(load, (scenes[first] for first in first_of.values()))),
+        subjects=shown if _windowed(scenes) else tuple(shown),
         subject_of=torch.tensor([number_of[key] for key in keys]),
-        layers=_StoredLayers(loader, scenes),
+        layers=_Loaded(loader.layer, scenes),
         loader=loader,
     )
+
+
+def _windowed(scenes: Sequence[Scene]) -> bool:
+    return all(scene.window is not None for scene in scenes)
 
 
 def _load_subject(loader: SceneLoader, generator: GeneratorConfig, scene: Scene) -> Subject:
@@ -125,14 +138,16 @@ def _load_picture(path: Path, scene: Scene) -> Float[Tensor, "height width 4"]:
     return picture
 
 
-class _StoredLayers(Sequence[Any]):
-    def __init__(self, loader: SceneLoader, scenes: Sequence[Scene]) -> None:
-        self._loader, self._scenes = loader, scenes
+class _Loaded(Sequence[Any]):
+    """What a function loads of each scene, when it is asked for."""
+
+    def __init__(self, load: Callable[[Scene], Any], scenes: Sequence[Scene]) -> None:
+        self._load, self._scenes = load, scenes
 
     def __len__(self) -> int:
         return len(self._scenes)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
-            return _StoredLayers(self._loader, self._scenes[index])
-        return self._loader.layer(self._scenes[index])
+            return _Loaded(self._load, self._scenes[index])
+        return self._load(self._scenes[index])

@@ -5,13 +5,16 @@ from __future__ import annotations
 from svbrdfgan.data.config import DatasetConfig
 from svbrdfgan.geometry.layers import surface_bytes
 from svbrdfgan.rendering.picture_memory import picture_bytes
+from svbrdfgan.scene.loader import KEPT
 from svbrdfgan.scene.window import WHOLE
+from svbrdfgan.utils.large_tensors import most_in_memory
 from svbrdfgan.utils.memory import most_that_fits, require_memory
 
 _SCENE = 8192  # bytes of an exemplar's scene, and of its place in the list of what is missing
 _WORKER = 200 << 20  # bytes of a process that bakes, besides the libraries that it shares
-_PICTURE = 20  # bytes of an exemplar's pixel in half precision, twice while all are joined, and of one in float32
-_BUFFER = 6  # bytes of a pixel and channel of a buffer in half precision, as one in float32 joins the others
+_PICTURE = 10  # bytes of an exemplar's pixel in half precision, and some for the picture that is read
+_BUFFER = 3  # bytes of a pixel and channel of a buffer in half precision, and some for the one that is rendered
+_BUFFERS = 3  # kinds of buffers, at most
 _SUBJECT = 160  # bytes of a texel of a subject that is held
 
 
@@ -52,18 +55,27 @@ def require_dataset(config: DatasetConfig, exemplars: int, processes: int = 1, w
     return require_memory(f"{exemplars or 'some'} exemplars of {size} need", needed(), fitting)
 
 
-def exemplar_bytes(config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0) -> int:
+def exemplar_bytes(
+    config: DatasetConfig, exemplars: int, meshes: int, channels: int = 0, *, scored: bool = False
+) -> int:
     """What the exemplars of a split and their subjects take in memory once they are loaded.
 
-    Each window is a subject of its own, beside the whole that it was cut from.
+    Pictures and buffers of more than `most_in_memory` lie in files. Each window is a subject of its own, beside the
+    whole that it was cut from. Of both, the last `KEPT` are held.
 
     Args:
         channels: of buffers that the discriminator is shown with each picture.
+        scored: whether generators are scored on the split, which holds what is compared of all its windows.
     """
     pixels = config.image[0] * config.image[1]
-    whole = min(config.texture, WHOLE) if config.windowed else config.texture
-    subjects = _SUBJECT * (meshes * whole**2 + exemplars * (config.window or 0) ** 2)
-    return exemplars * (_SCENE + pixels * (_PICTURE + _BUFFER * channels)) + subjects
+    whole, wholes, windows = config.texture, meshes, exemplars
+    if config.windowed:
+        whole, wholes = min(config.texture, WHOLE), min(meshes, KEPT)
+        windows = exemplars if scored else min(exemplars, KEPT)
+    subjects = _SUBJECT * (wholes * whole**2 + windows * (config.window or 0) ** 2)
+    pictures, buffers = (exemplars * pixels * each for each in (_PICTURE, _BUFFER * channels))
+    held = min(pictures, most_in_memory()) + min(buffers, _BUFFERS * most_in_memory())
+    return exemplars * _SCENE + held + subjects
 
 
 def _layer_texels(config: DatasetConfig) -> int:

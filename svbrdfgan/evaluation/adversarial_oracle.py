@@ -24,12 +24,12 @@ from svbrdfgan.errors import AssetError, TrainingError
 from svbrdfgan.metrics.recovered import SeenTexels, shown_texels
 from svbrdfgan.metrics.texture_pyramid import premultiplied, premultiplied_values
 from svbrdfgan.networks.generator import GEOMETRY_CHANNELS, Generator
-from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.discriminator_batch import DiscriminatorBatch, Pictures, tone_curve
 from svbrdfgan.training.run import RunConfig
 from svbrdfgan.training.state import State
 from svbrdfgan.training.step import Diagnostics, adversarial_step, batch_indices, draw_seeds
+from svbrdfgan.training.subject_inputs import stack_inputs
 from svbrdfgan.types import Layer
 from svbrdfgan.utils.copy_async import copy_async
 

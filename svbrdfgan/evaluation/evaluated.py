@@ -70,6 +70,6 @@ def pictures(source: BatchSource, index: int, layers: Iterable[Layer]) -> list[F
     for layer in layers:
         values = bordered(layer.values) if source.windowed else layer.values
         with torch.no_grad():
-            image, coverage = scenes.render(values.unsqueeze(0).to(source.buffers.device))
+            image, coverage = scenes.render(values.unsqueeze(0).to(source.device))
         shown.append(as_displayed(image[0].cpu(), coverage=coverage[0].cpu().float()))
     return shown

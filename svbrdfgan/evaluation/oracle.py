@@ -27,11 +27,11 @@ from svbrdfgan.metrics.recovered import Scorer, SeenTexels, Target, make_targets
 from svbrdfgan.networks.generator import Generator
 from svbrdfgan.networks.layers import initialise
 from svbrdfgan.networks.saved import load_generator, make_generator, save_generator
-from svbrdfgan.training.batches import stack_inputs
 from svbrdfgan.training.config import TrainConfig
 from svbrdfgan.training.metrics_log import read_metrics
 from svbrdfgan.training.resolve import learns_distribution
 from svbrdfgan.training.run import ORACLE, ORACLE_NOTES, RunConfig
+from svbrdfgan.training.subject_inputs import stack_inputs
 from svbrdfgan.utils.display import Display
 
 LoadedSplit = tuple[Exemplars, SeenTexels]

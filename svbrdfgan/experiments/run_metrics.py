@@ -64,7 +64,7 @@ def recovered_where(evaluated: Evaluated, seen: SeenTexels, chosen: Callable[[Bo
     def picked(subject: int) -> Float[Tensor, "rows cols"]:
         return chosen(shown_texels(exemplars, seen, subject)).float()
 
-    targets, _ = make_targets(exemplars, lambda view: picked(int(exemplars.subject_of[view])), source.buffers.device)
+    targets, _ = make_targets(exemplars, lambda view: picked(int(exemplars.subject_of[view])), source.device)
     return 1.0 - mean_error(targets, layers["generated"]) / mean_error(targets, layers["constant"])
 
 
@@ -78,7 +78,7 @@ def gradient_noise(source: BatchSource, layers: Float[Tensor, "subjects rows col
         layer = layers[int(source.exemplars.subject_of[index])].unsqueeze(0)
         with torch.no_grad():
             made, _ = source.scenes([index], np.random.default_rng(0)).render(layer)
-        difference = made - source.real.image[[index]].float()
+        difference = made - source.pictures([index]).image.float()
         draws = torch.stack([_gradient(source, index, layer, difference, draw) for draw in range(1, _DRAWS + 1)])
         variance = float(draws.var(dim=0).sum())
         noise += variance

@@ -10,6 +10,8 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from svbrdfgan.utils.copy_async import copy_async
+
 
 @dataclass(frozen=True, eq=False)
 class Wholes:
@@ -45,6 +47,11 @@ class Inputs:
     def device(self) -> torch.device:
         return self.geometry.device
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes without whole maps, which many may share."""
+        return self.geometry.nbytes
+
     @classmethod
     def joined(cls, parts: Sequence[Inputs]) -> Inputs:
         """One batch of all. Whole maps that are one tensor stay one."""
@@ -62,8 +69,10 @@ class Inputs:
         return cls(geometry, Wholes(torch.cat(kept), of, torch.cat([each.place for each in wholes])))
 
     def pick(self, indices: Int[Tensor, " batch"] | slice) -> Inputs:
-        """Those of some surfaces of the batch; an index on the device spares a copy."""
+        """Those of some surfaces of the batch."""
         wholes = self.wholes
+        if isinstance(indices, Tensor):
+            indices = copy_async(indices, self.device)
         if wholes is not None:
             wholes = replace(wholes, of=wholes.of[indices], place=wholes.place[indices])
         return Inputs(self.geometry[indices], wholes)

@@ -62,7 +62,7 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
     except SvbrdfganError as error:
         log.warning("the report has no patch maps: %s", error)
         return None
-    discriminator.to(evaluated.source.real.image.device)
+    discriminator.to(evaluated.source.device)
     judged = [judge(evaluated, discriminator, index) for index in indices]
     names = [subject_name(evaluated.source.exemplars.scenes[index]) for index in indices]
     scale = Scale.make(evaluated.config.train.loss.name, judged)
@@ -71,7 +71,7 @@ def patch_maps(run: Path, evaluated: Evaluated, indices: Sequence[int]) -> Patch
 
 def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> PatchLogits:
     """The logits of an exemplar, and of the generator's layer in the same scene with as many samples."""
-    source, device = evaluated.source, evaluated.source.real.image.device
+    source, device = evaluated.source, evaluated.source.device
     layer, background = evaluated.learned(index), torch.full((1, 3), _GREY, device=device)
     with torch.no_grad():
         scenes = source.scenes([index], np.random.default_rng(0))

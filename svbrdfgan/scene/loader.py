@@ -14,6 +14,7 @@ from typing import Any
 
 import torch
 from jaxtyping import Float
+from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError, ConfigError, EmbeddingError
@@ -43,7 +44,7 @@ from svbrdfgan.scene.window import (
     place_in_whole,
     windowed,
 )
-from svbrdfgan.types import RGBA, Environment, Layer, Mesh, View
+from svbrdfgan.types import RGBA, Environment, Layer, Mesh, Surface, View
 from svbrdfgan.weathering.layer import recipe_from_options, weather
 from svbrdfgan.weathering.mesh_maps import MeshMaps, bake_mesh_maps
 from svbrdfgan.weathering.recipes import Recipe
@@ -53,7 +54,7 @@ from svbrdfgan.weathering.survey import find_site
 log = logging.getLogger(__name__)
 
 _CACHE = "cache"
-_LAYERS = 64
+KEPT = 64
 """The most layers that a loader keeps in memory, and about the most subjects if they are windows."""
 
 
@@ -69,6 +70,7 @@ class SceneLoader:
     folder: Path
     keep: bool = True
     _subjects: dict[str, Subject] = field(default_factory=dict)
+    _surfaces: dict[str, Surface] = field(default_factory=dict)
     _maps: dict[str, MeshMaps] = field(default_factory=dict)
     _sites: dict[str, Site] = field(default_factory=dict)
     _generators: dict[str, Generator] = field(default_factory=dict)
@@ -81,11 +83,11 @@ class SceneLoader:
         """The scene's surface, embedded and baked."""
         key = subject_key(scene)
         if key not in self._subjects:
-            path = self.folder / _CACHE / "subjects" / f"{key}.safetensors"
+            path = self.cache / "subjects" / f"{key}.safetensors"
             whole = None
             if scene.window is not None:
-                whole = self.subject(_whole(scene)).surface
-                _make_room(self._subjects)
+                whole = self._whole_surface(scene)
+                make_room(self._subjects)
             load, save = partial(load_subject, whole=whole), partial(save_subject, whole=whole)
             self._subjects[key] = self._stored(path, scene, load, save, self._make_subject)
         return self._subjects[key]
@@ -106,7 +108,7 @@ class SceneLoader:
         if key not in self._wholes:
             subject = self.with_mesh_maps(whole) if mesh_maps else self.subject(whole)
             self._wholes[key] = subject.generator_input.unsqueeze(0)
-        surfaces = self.subject(scene).surface, self.subject(whole).surface
+        surfaces = self.subject(scene).surface, self._whole_surface(scene)
         place = place_in_whole(*surfaces, scene.window / scene.texture)
         return Wholes(self._wholes[key], torch.zeros(1, dtype=torch.int64), torch.tensor([place]))
 
@@ -114,9 +116,9 @@ class SceneLoader:
         """The mesh maps of the scene's surface."""
         key = subject_key(scene)
         if key not in self._maps:
-            path = self.folder / _CACHE / "mesh_maps" / f"{key}.safetensors"
+            path = self.cache / "mesh_maps" / f"{key}.safetensors"
             if scene.window is not None:
-                _make_room(self._maps)
+                make_room(self._maps)
             self._maps[key] = self._stored(path, scene, load_mesh_maps, save_mesh_maps, self._make_maps)
         return self._maps[key]
 
@@ -128,8 +130,8 @@ class SceneLoader:
         # without its None: layers of recipes keep the names that they had before there were models
         key = f"{subject_key(scene)}-{_digest(weathering.model_dump(exclude_none=True), *scene.maps)}"
         if key not in self._layers:
-            path = self.folder / _CACHE / "layers" / f"{key}.safetensors"
-            _make_room(self._layers)
+            path = self.cache / "layers" / f"{key}.safetensors"
+            make_room(self._layers)
             self._layers[key] = self._stored(
                 path, scene, load_layer, save_layer, lambda scene: self.paint(scene, weathering)
             )
@@ -188,6 +190,11 @@ class SceneLoader:
         environment = Environment(radiance, math.radians(scene.environment.rotation_degrees))
         return View(scene.camera.camera(), environment, scene.width, scene.height)
 
+    @property
+    def cache(self) -> Path:
+        """The folder of what can be made again."""
+        return self.folder / _CACHE
+
     def file(self, asset: AssetRef) -> Path:
         """The asset's path, after a check of its content hash.
 
@@ -203,7 +210,7 @@ class SceneLoader:
 
     def forget(self) -> None:
         """Drops subjects and layers from memory; environments and models stay."""
-        for kept in (self._subjects, self._maps, self._sites, self._layers, self._wholes):
+        for kept in (self._subjects, self._surfaces, self._maps, self._sites, self._layers, self._wholes):
             kept.clear()
 
     def _generator(self, asset: AssetRef) -> Generator:
@@ -212,6 +219,17 @@ class SceneLoader:
             generator, _ = load_generator(self.file(asset))
             self._generators[asset.path] = generator.cuda() if torch.cuda.is_available() else generator
         return self._generators[asset.path]
+
+    def _whole_surface(self, scene: Scene) -> Surface:
+        """The surface of the whole map that a window is cut from. It is kept: all its windows share its arrays."""
+        whole = _whole(scene)
+        key = subject_key(whole)
+        if key not in self._surfaces:
+            surface = self.subject(whole).surface
+            # since what was read of a file holds all of it in memory
+            copies: Any = {name: value.copy() for name, value in vars(surface).items() if isinstance(value, ndarray)}
+            self._surfaces[key] = replace(surface, **copies)
+        return self._surfaces[key]
 
     def _make_subject(self, scene: Scene) -> Subject:
         mesh = load_mesh(self.file(scene.mesh))
@@ -229,7 +247,7 @@ class SceneLoader:
     def _make_window(self, scene: Scene, size: int, mesh: Mesh) -> Subject:
         """The window that shows most of what the scene's camera sees; as large as the scene's texture at most."""
         whole = self.subject(_whole(scene))
-        surface, aspect = whole.surface, scene.width / scene.height
+        surface, aspect = self._whole_surface(scene), scene.width / scene.height
         if any(surface.repeat):
             raise AssetError(f"{scene.mesh.path}: textures repeat in its embedding, so that it has no windows.")
         window = find_window(surface, whole.learnable, scene.camera.camera(), aspect, size, scene.texture)
@@ -280,9 +298,9 @@ def subject_key(scene: Scene) -> str:
     return f"{Path(scene.mesh.path).stem}-{_digest(*parts)}"
 
 
-def _make_room(kept: dict[str, Any]) -> None:
-    """Drops the oldest if as many are kept as may be."""
-    if len(kept) >= _LAYERS:
+def make_room(kept: dict[Any, Any]) -> None:
+    """Drops the oldest, so that fewer than `KEPT` are held."""
+    while len(kept) >= KEPT:
         del kept[next(iter(kept))]
 
 

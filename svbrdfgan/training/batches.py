@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -20,6 +21,7 @@ from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
+from svbrdfgan.rendering.transport.cache import memory_of
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.deferred_rendering import DeferredRendering
@@ -29,8 +31,13 @@ from svbrdfgan.training.perturb import Perturbation
 from svbrdfgan.training.reference_pictures import require_reference_materials
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
+from svbrdfgan.training.subject_inputs import WindowInputs, subject_inputs
 from svbrdfgan.utils.copy_async import copy_async
 from svbrdfgan.utils.display import Display, SilentDisplay
+from svbrdfgan.utils.large_tensors import half_tensor
+
+_ON_DEVICE = 0.25
+"""The share of a device's memory that pictures and their buffers take at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +49,9 @@ class BatchSource:
         fake_scenes: renders fakes, in perturbed scenes.
         own_scenes: the exemplars' own scenes, which say what the exemplars show; `fake_scenes` itself where those are
             not perturbed and have enough samples, or are rendered online.
-        buffers: the generator's input for each subject, on the device.
-        real: the exemplars on the device, with the buffers of their own scenes that the discriminator is shown, and
-            with the labels of their layers and the size of their pixels.
+        buffers: the generator's input for each subject, on the device, or read when it is asked for.
+        real: the exemplars, with the buffers of their own scenes that the discriminator is shown, and with the labels
+            of their layers and the size of their pixels; on the device, or in main memory if they are too many.
         demodulated: whether the discriminator sees reflectance instead of radiance.
         errors: those that the exemplars' import may have made, for fakes to have, too; None if they were rendered.
     """
@@ -52,7 +59,7 @@ class BatchSource:
     exemplars: Exemplars
     fake_scenes: SceneRendering
     own_scenes: SceneRendering
-    buffers: Inputs
+    buffers: Inputs | WindowInputs
     real: ImageBatch
     demodulated: bool = False
     errors: ReflectanceErrors | None = None
@@ -62,17 +69,28 @@ class BatchSource:
 
     @property
     def windowed(self) -> bool:
-        """Whether the layers are those of windows: all have one size, so all are or none is."""
-        return self.exemplars.scenes[0].window is not None
+        """Whether the layers are those of windows."""
+        return self.exemplars.windowed
+
+    @property
+    def device(self) -> torch.device:
+        """Where batches are."""
+        return self.buffers.device
+
+    def pictures(self, indices: Sequence[int]) -> ImageBatch:
+        """These exemplars, with all that the discriminator is shown of them."""
+        return self.real.pick(indices, self.device)
 
     def inputs(self, indices: Sequence[int]) -> Inputs:
         """The generator's input for the subjects of these exemplars."""
-        return self.buffers.pick(copy_async(self.exemplars.subject_of[list(indices)], self.buffers.device))
+        return self.buffers.pick(self.exemplars.subject_of[list(indices)])
 
     def labels(self, indices: Sequence[int]) -> Float[Tensor, "batch labels"] | None:
         """The labels of these exemplars' layers; None if networks are told nothing of them."""
         labels = self.real.labels
-        return None if labels is None else labels[copy_async(torch.as_tensor(list(indices)), labels.device)]
+        if labels is None:
+            return None
+        return copy_async(labels[copy_async(torch.as_tensor(list(indices)), labels.device)], self.device)
 
     def seen(self, index: int) -> Float[Tensor, "rows cols"]:
         """Positive at texels that an exemplar's picture shows of the outermost learnable surface."""
@@ -86,7 +104,7 @@ class BatchSource:
         self, indices: Sequence[int], rng: np.random.Generator
     ) -> Float[Tensor, "batch height width 8"] | None:
         """Errors for the fakes of these exemplars; None where exemplars have none."""
-        return None if self.errors is None else self.errors.drawn(indices, rng, self.real.image.device)
+        return None if self.errors is None else self.errors.drawn(indices, rng, self.device)
 
     def prefetch(self, indices: Sequence[int], rng: np.random.Generator) -> None:
         """Starts to read what `scenes`, given an equal `rng`, and demodulation will need for these exemplars."""
@@ -119,15 +137,16 @@ def make_batch_source(
     shown.begin(f"light transport of the {split} scenes", len(traced) * len(order))
     for scenes in traced:
         scenes.build(order, shown.advance)
-    buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)))
+    buffers = own_buffers(discriminator, own_scenes, range(len(exemplars)), exemplars.loader.cache)
     sizes = pixel_sizes(exemplars) if discriminator.pixel_size else None
-    known = (*buffers, labels_of_scenes(run.conditions, exemplars.scenes), sizes)
-    on_device = (None if values is None else values.to(device) for values in known)
-    real = ImageBatch(exemplars.images.to(device), exemplars.coverage.to(device), *on_device)
+    labels = labels_of_scenes(run.conditions, exemplars.scenes)
+    real = ImageBatch(exemplars.images, exemplars.coverage, *buffers, labels, sizes)
+    if real.nbytes <= _ON_DEVICE * memory_of(device):
+        real = real.to(device)
     errors = None
     if split == "train" and demodulated and run.config.scenes.same_camera and run.config.scenes.import_errors:
         errors = load_errors(run.dataset.folder, split, len(exemplars))
-    inputs = stack_inputs(exemplars, device)
+    inputs = subject_inputs(exemplars, device)
     return BatchSource(exemplars, fake_scenes, own_scenes, inputs, real, demodulated, errors)
 
 
@@ -137,9 +156,11 @@ def pixel_sizes(exemplars: Exemplars) -> Float[Tensor, "exemplars 1"]:
     The result is 0 for a pixel of a 512th of the vehicle's length, 1 for one that is sixteen times as large, and -1 for
     one of a sixteenth of that.
     """
-    found = []
+    found, boxes = [], dict[str, Tensor]()
     for index, scene in enumerate(exemplars.scenes):
-        camera, (low, high) = scene.camera.camera(), exemplars.subject(index).buffer.bounds
+        if (mesh := scene.mesh.path) not in boxes:  # the whole mesh's, of windows, too
+            boxes[mesh] = exemplars.subject(index).buffer.bounds.clone()
+        camera, (low, high) = scene.camera.camera(), boxes[mesh]
         seen = math.dist(camera.origin, camera.target) * 2.0 * math.tan(camera.vertical_fov / 2.0)
         found.append(math.log(512.0 * seen / (scene.height * float((high - low).max())), 16.0))
     return torch.tensor(found).unsqueeze(1)
@@ -177,25 +198,29 @@ Buffers = tuple[
 """G-buffers, light buffers and clean pictures; None if they are not shown."""
 
 
-def own_buffers(config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int]) -> Buffers:
-    """What the discriminator is shown besides the pictures, of these exemplars' own scenes, in half precision."""
-    shown = [index for index in indices if config.shows_buffers]
-    batches = (own_scenes.first_scenes([index]) for index in shown)  # one for all buffers: making it may trace
-    buffers = [
-        (
-            _half(batch.gbuffer) if config.gbuffer else None,
-            _half(batch.light_buffer) if config.light_buffer else None,
-            _half(batch.clean) if config.clean_picture else None,
-        )
-        for batch in batches
-    ]
-    gbuffers, lights, clean = zip(*buffers, strict=True) if buffers else ((), (), ())
-    return _joined(gbuffers), _joined(lights), _joined(clean)
+def own_buffers(
+    config: DiscriminatorConfig, own_scenes: SceneRendering, indices: Sequence[int], folder: Path
+) -> Buffers:
+    """What the discriminator is shown besides the pictures, of these exemplars' own scenes, in half precision.
 
-
-def stack_inputs(exemplars: Exemplars, device: torch.device) -> Inputs:
-    """The generator's input for each subject, channels last in memory."""
-    return Inputs.joined([subject.inputs for subject in exemplars.subjects]).to(device)
+    Args:
+        folder: for the files of those that are large.
+    """
+    made: dict[str, Tensor] = {}
+    for place, index in enumerate(indices if config.shows_buffers else ()):
+        batch = own_scenes.first_scenes([index])  # one for all buffers: making it may trace
+        shown = {
+            "gbuffer": batch.gbuffer if config.gbuffer else None,
+            "light": batch.light_buffer if config.light_buffer else None,
+            "clean": batch.clean if config.clean_picture else None,
+        }
+        for name, buffer in shown.items():
+            if buffer is None:
+                continue
+            if name not in made:
+                made[name] = half_tensor((len(indices), *buffer.shape[1:]), folder)
+            made[name][place] = buffer[0]
+    return made.get("gbuffer"), made.get("light"), made.get("clean")
 
 
 def make_scenes(
@@ -260,12 +285,3 @@ def _by_subject(exemplars: Exemplars) -> list[int]:
     """
     place = np.random.default_rng().permutation(len(exemplars.subjects))
     return np.argsort(place[exemplars.subject_of.numpy()], kind="stable").tolist()
-
-
-def _half(buffer: Tensor | None) -> Tensor | None:
-    return None if buffer is None else buffer.half()
-
-
-def _joined(buffers: Iterable[Tensor | None]) -> Tensor | None:
-    known = [buffer for buffer in buffers if buffer is not None]
-    return torch.cat(known) if known else None

@@ -77,8 +77,8 @@ class CachedRendering:
     """Scenes for fakes by stored light transport: each is traced once and kept as a file in the data set's cache.
 
     The transports used last stay on the device. The others are read again from their files; `prefetch` starts that
-    before they are needed. Prepared surfaces and base colours stay in memory too. `dataclasses.replace` gives the same
-    scenes with nothing in memory yet.
+    before they are needed. Prepared surfaces and base colours stay in memory too; of windows, the surfaces
+    that were prepared last, and no textures. `dataclasses.replace` gives the same scenes with nothing in memory yet.
 
     Attributes:
         exemplars: their scenes are perturbed.
@@ -208,15 +208,19 @@ class CachedRendering:
 
     def _batch(self, transports: Sequence[LightTransport], indices: Sequence[int]) -> CachedSceneBatch:
         bases = [base for index in indices for base in self._bases_of(index)]
-        constant = all(base.ndim == 1 for base in bases)
-        size = (1, 1, 3) if constant else (*self.exemplars.subjects[0].buffer.part.shape, 3)
+        size = torch.broadcast_shapes((1, 1, 3), *(base.shape for base in bases))
         base = copy_async(torch.stack([base.expand(size) for base in bases]), self.device)
         return CachedSceneBatch(TransportBatch.stack(transports), base)
 
     def _bases_of(self, index: int) -> list[Tensor]:
-        """The base colour of each learnable part."""
-        if index not in self._bases:
-            subject = self.exemplars.subject(index)
-            colors = subject.base_colors(self.exemplars.scenes[index].materials)
-            self._bases[index] = [colors[part] for part in subject.learnable]
-        return self._bases[index]
+        """The base colour of each learnable part. Textures of windows are not kept: each exemplar has its own."""
+        if index in self._bases:
+            return self._bases[index]
+        subject, scene = self.exemplars.subject(index), self.exemplars.scenes[index]
+        colors = subject.base_colors(scene.materials)
+        bases = [colors[part] for part in subject.learnable]
+        if scene.window is None:
+            self._bases[index] = bases
+        elif all(base.ndim == 1 for base in bases):
+            self._bases[index] = [base.clone() for base in bases]  # what was read of a file holds all of it in memory
+        return bases

@@ -143,7 +143,7 @@ class DeferredRendering:
 
     Unlike stored light transport it serves whole materials, in which pictures are not linear. What it stores stays on
     the device; what is dropped is traced again, which takes about as long as reading it. Prepared surfaces stay in
-    memory too. `dataclasses.replace` gives the same scenes with nothing in memory yet.
+    memory too; of windows, the last ones. `dataclasses.replace` gives the same scenes with nothing in memory yet.
 
     Attributes:
         exemplars: their scenes are perturbed.

@@ -38,7 +38,7 @@ class ImageBatch:
 
     image: Float[Tensor, "batch height width 3"]
     coverage: Float[Tensor, "batch height width"]
-    gbuffer: Float[Tensor, "batch height width 6"] | None
+    gbuffer: Float[Tensor, "batch height width 6"] | None = None
     light_buffer: Float[Tensor, "batch height width 9"] | None = None
     clean: Float[Tensor, "batch height width 3"] | None = None
     labels: Float[Tensor, "batch labels"] | None = None
@@ -47,12 +47,21 @@ class ImageBatch:
     def __len__(self) -> int:
         return len(self.image)
 
-    def pick(self, indices: Sequence[int]) -> ImageBatch:
-        """The images at these indices. The indices are copied to the images' device without waiting for it."""
-        picked = copy_async(torch.as_tensor(indices), self.image.device)
-        known = (self.gbuffer, self.light_buffer, self.clean, self.labels, self.pixel_size)
-        found = (None if values is None else values[picked] for values in known)
-        return ImageBatch(self.image[picked], self.coverage[picked], *found)
+    def pick(self, indices: Sequence[int], device: torch.device | None = None) -> ImageBatch:
+        """The images at these indices, on a device, by default their own. Nothing waits for copies from the CPU."""
+        picked, device = copy_async(torch.as_tensor(indices), self.image.device), device or self.image.device
+        return ImageBatch(**{name: copy_async(values[picked], device) for name, values in self._known().items()})
+
+    @property
+    def nbytes(self) -> int:
+        return sum(values.nbytes for values in self._known().values())
+
+    def _known(self) -> dict[str, Tensor]:
+        return {name: values for name, values in vars(self).items() if values is not None}
+
+    def to(self, device: torch.device) -> ImageBatch:
+        """The same on a device."""
+        return ImageBatch(**{name: values.to(device) for name, values in self._known().items()})
 
     @classmethod
     def cat(cls, batches: Sequence[ImageBatch]) -> ImageBatch:

@@ -20,11 +20,14 @@ _TEXEL = 400  # bytes of a texel of a layer, of its gradients, and of what the g
 _FEATURE = 100  # bytes of a texel for each channel of the generator's width, without its blocks
 _BLOCK_FEATURE = 32  # bytes of a texel of the coarsest features, for each channel of the width and block
 _PATCH_FEATURE = 12  # bytes of a pixel for each channel of the discriminator's width
+_WHOLE = 88  # bytes of a texel of a whole map that generators of windows read: as it was read, and on the device
 _COPIES = 5  # of a generator's weight in float32: itself, its gradient, Adam's two means, and the average
 
 
 def run_bytes(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device, *, learns: bool = True) -> int:
-    """What the process holds at most in main memory, without stored light, which takes what is left of its share.
+    """What the process holds at most in main memory, without what takes what is left of its share.
+
+    That is stored light, and on a CPU the inputs of windows that are not read anew.
 
     On a GPU, features and weights are not in main memory. Fitted to the peaks of processes that train generators of 16
     to 64 channels and 6 to 16 blocks on batches of 1 and 4 at 64 and 256 texels, on a CPU; what windows hold, and
@@ -38,10 +41,18 @@ def run_bytes(run: ResolvedRun, splits: tuple[Split, ...], device: torch.device,
     shown = config.discriminator
     channels = 6 * shown.gbuffer + 9 * shown.light_buffer + 3 * shown.clean_picture
     held = sum(
-        exemplar_bytes(index.config, len(index.sampler(split)), len(index.meshes[split]), channels)
+        exemplar_bytes(
+            index.config,
+            len(index.sampler(split)),
+            len(index.meshes[split]),
+            channels,
+            scored=not learns or split != "train",
+        )
         for split in splits
         if split in index.config.splits
     )
+    if config.generator.refined is not None:
+        held += _WHOLE * len(index.meshes["train"]) * min(index.config.texture, WHOLE) ** 2
     if device.type == "cuda":
         return config.devices * (PROGRAM + _RENDERER + held)
     networks = _network_bytes(config, index.config.image, run.layer_texels, learns)

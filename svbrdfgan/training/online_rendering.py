@@ -86,7 +86,10 @@ class OnlineSceneBatch:
 
 @dataclass(eq=False)
 class OnlineRendering:
-    """Scenes for fakes, rendered from scratch: every visit has its own samples. Prepared surfaces stay in memory."""
+    """Scenes for fakes, rendered from scratch: every visit has its own samples.
+
+    Prepared surfaces stay in memory; of windows, the last ones.
+    """
 
     exemplars: Exemplars
     perturbation: Perturbation

@@ -13,6 +13,7 @@ from torch import Tensor
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer, PreparedSurface
+from svbrdfgan.scene.loader import make_room
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.demodulation import Demodulator
 from svbrdfgan.types import RGBA, Layer
@@ -106,6 +107,8 @@ def chosen_scenes(indices: Sequence[int], rng: np.random.Generator, pool: int) -
 class PreparedSurfaces:
     """Surfaces of the exemplars' subjects as a renderer prepared them, each when it is first asked for.
 
+    All of them are kept; of windows, which are as many as exemplars, those that were prepared last.
+
     Args:
         single: keeps only the surface that was prepared last.
     """
@@ -120,6 +123,8 @@ class PreparedSurfaces:
         if number not in self._held:
             if self._single:
                 self._held.clear()  # first, so that memory never holds two
+            elif self._exemplars.scenes[index].window is not None:
+                make_room(self._held)
             self._held[number] = self._renderer.prepare(self._exemplars.subjects[number].surface)
         return self._held[number]
 

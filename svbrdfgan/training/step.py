@@ -95,7 +95,7 @@ def make_pair(
         errors: those that the exemplars' import may have made (`svbrdfgan.data.reflectance_errors`); fakes in the
             exemplars' cameras get them, too.
     """
-    real = source.real.pick(indices)
+    real = source.pictures(indices)
     image, coverage = scenes.render(layers)
     if not source.demodulated:
         return real, _with_buffers(image, coverage, real, scenes)

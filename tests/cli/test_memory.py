@@ -105,6 +105,9 @@ def test_windows_are_held_instead_of_whole_maps() -> None:
     )
     assert exemplar_bytes(windows, 3, 1) < exemplar_bytes(whole, 3, 1) / 10
     assert require_dataset(windows, 3) < require_dataset(whole, 3) / 2
+    more = exemplar_bytes(whole, 10_000, 1) - exemplar_bytes(whole, 1_000, 1)
+    assert exemplar_bytes(windows, 10_000, 1) - exemplar_bytes(windows, 1_000, 1) == more, "pictures alone"
+    assert exemplar_bytes(windows, 10_000, 1, scored=True) - exemplar_bytes(windows, 1_000, 1, scored=True) > 2 * more
 
 
 def test_a_batch(training_data: Callable[..., dict[str, Any]], tmp_path: Path) -> None:

@@ -83,8 +83,8 @@ def test_the_noise_of_a_gradient_is_its_relative_variance(spread: float, tiny_ex
         samples = torch.from_numpy(1 + spread * rng.standard_normal((1, 32, 32, 4)))
         return SimpleNamespace(render=lambda layers: (layers * samples, None))
 
-    real = SimpleNamespace(image=torch.zeros(6, 32, 32, 4))
-    source = SimpleNamespace(exemplars=tiny_exemplars, scenes=scenes, real=real)
+    real = SimpleNamespace(image=torch.zeros(1, 32, 32, 4))
+    source = SimpleNamespace(exemplars=tiny_exemplars, scenes=scenes, pictures=lambda _: real)
     noise = gradient_noise(source, torch.full((2, 32, 32, 4), 0.5))  # type: ignore[arg-type]
     assert noise == pytest.approx(spread**2, rel=0.15)
 

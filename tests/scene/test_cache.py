@@ -314,7 +314,7 @@ def test_layers_are_read_when_they_are_looked_at(
     known = [tiny_exemplars.layers[index] for index in range(6)]  # whatever test was first to look at them
     read: list[Path] = []
     monkeypatch.setattr(loader_module, "load_layer", lambda path, side: read.append(path) or load_layer(path, side))
-    monkeypatch.setattr(loader_module, "_LAYERS", 1)
+    monkeypatch.setattr(loader_module, "KEPT", 1)
     exemplars = load_exemplars(Dataset.open(tiny_dataset), "train")
     assert all(map(exemplars.weathered, range(6)))
     assert read == []

@@ -139,7 +139,7 @@ def test_a_picture_shows_the_window_weathered_and_the_rest_clean(
 def test_windows_are_cached_by_camera_and_the_oldest_are_forgotten(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("svbrdfgan.scene.loader._LAYERS", 2)
+    monkeypatch.setattr("svbrdfgan.scene.loader.KEPT", 2)
     loader = SceneLoader(tmp_path)
     first = loader.subject(scene)
     assert loader.subject(scene) is first
@@ -229,7 +229,8 @@ def test_a_window_is_kept_without_what_all_windows_share(scene: Scene, whole: Sc
         if isinstance(mine, np.ndarray):
             np.testing.assert_array_equal(mine, its, err_msg=field.name)
     assert torch.equal(made.buffer.position, loaded.buffer.position)
-    assert loaded.surface.positions is surface.positions
+    aside = scene.camera.model_copy(update={"azimuth_degrees": 95.0})
+    assert loaded.surface.positions is loader.subject(scene.model_copy(update={"camera": aside})).surface.positions
     assert not np.array_equal(loaded.surface.uv, surface.uv)
     path = tmp_path / "cache" / "subjects" / f"{subject_key(scene)}.safetensors"
     with safe_open(path, framework="pt") as file:

@@ -15,6 +15,7 @@ import torch
 
 from svbrdfgan.errors import ConfigError
 from svbrdfgan.plugins.registry import load_renderer
+from svbrdfgan.training import batches
 from svbrdfgan.training.batches import BatchSource, _by_subject, load_seen_texels, make_batch_source
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import ScenesConfig, TrainConfig, train_config
@@ -22,6 +23,7 @@ from svbrdfgan.training.online_rendering import OnlineRendering, OnlineSceneBatc
 from svbrdfgan.training.reference_pictures import ReferencePictures
 from svbrdfgan.training.resolve import _require_divisible, resolve_run
 from svbrdfgan.training.step import make_pair
+from svbrdfgan.utils import large_tensors
 
 CPU = torch.device("cpu")
 
@@ -59,6 +61,18 @@ def test_gbuffers_are_of_the_exemplars_own_scenes(
     assert replace(source.real, gbuffer=None).pick([0]).gbuffer is None
     assert all(torch.equal(moved.seen(index), source.seen(index)) for index in range(len(source)))
     assert moved.own_scenes is not moved.fake_scenes
+
+
+def test_pictures_in_files_are_those_in_memory(
+    config: Callable[..., TrainConfig], cpu_renderer: Any, source: BatchSource, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(large_tensors, "_SHARE", 0.0)
+    monkeypatch.setattr(batches, "_ON_DEVICE", 0.0)
+    streamed = make_batch_source(resolve_run(config()), "train", cpu_renderer, CPU)
+    one, other = (vars(each.pictures([4, 1])) for each in (source, streamed))
+    assert {name for name, values in one.items() if values is not None} >= {"image", "coverage", "gbuffer"}
+    for name, values in one.items():
+        assert values is None or torch.equal(values, other[name])
 
 
 @pytest.fixture

@@ -233,7 +233,8 @@ def test_buffers_of_scenes_that_are_not_kept_take_one_trace(
     trace = own._trace
     monkeypatch.setattr(own, "_trace", lambda index, scene: traced.append(index) or trace(index, scene))
     shown = DiscriminatorConfig(gbuffer=True, light_buffer=True, clean_picture=True)
-    found = [buffer for buffer in own_buffers(shown, own, [0, 1]) if buffer is not None]
+    made = own_buffers(shown, own, [0, 1], rendering.exemplars.loader.cache)
+    found = [buffer for buffer in made if buffer is not None]
     assert traced == [0, 1]
     assert [len(buffer) for buffer in found] == [2, 2, 2]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +17,7 @@ import torch
 from svbrdfgan.config.distributions import Fixed
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import DatasetConfig
+from svbrdfgan.data.exemplars import load_exemplars
 from svbrdfgan.data.generate import generate
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import ConfigError
@@ -22,13 +25,17 @@ from svbrdfgan.evaluation.evaluate import evaluate
 from svbrdfgan.evaluation.evaluated import by_subject, pictures
 from svbrdfgan.evaluation.relight import Relight, Relighter
 from svbrdfgan.networks.inputs import Inputs
+from svbrdfgan.networks.saved import GeneratorConfig
 from svbrdfgan.protocols import Renderer
+from svbrdfgan.scene import loader
 from svbrdfgan.scene.window import bordered
-from svbrdfgan.training import step
+from svbrdfgan.training import batches, step, subject_inputs
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import train_config
 from svbrdfgan.training.resolve import ResolvedRun, make_fabric, resolve_config, resolve_run
 from svbrdfgan.training.run import RunConfig, load_model
+from svbrdfgan.training.scene_batch import PreparedSurfaces
+from svbrdfgan.training.subject_inputs import WindowInputs, stack_inputs
 from svbrdfgan.training.trainer import train
 from svbrdfgan.utils.display import SilentDisplay
 
@@ -65,7 +72,7 @@ def test_each_exemplar_has_a_window_that_its_picture_shows(run: ResolvedRun, cpu
     source = source_of(run, cpu_renderer)
     assert source.windowed
     assert len(source.buffers) == len(source) == 4, "each has a subject of its own"
-    assert source.buffers.geometry.shape[2:] == (32, 32)
+    assert source.inputs([0]).geometry.shape == (1, 6, 32, 32)
     seen = torch.stack([source.seen(index) > 0 for index in range(4)])
     assert (seen.float().mean(dim=(1, 2)) > 0.1).all()
     layers = torch.full((4, 32, 32, 4), 0.5, requires_grad=True)
@@ -73,6 +80,64 @@ def test_each_exemplar_has_a_window_that_its_picture_shows(run: ResolvedRun, cpu
     assert image.shape[:3] == coverage.shape
     (gradient,) = torch.autograd.grad(image.sum(), layers)
     assert (gradient.abs().sum(dim=(1, 2, 3)) > 0.0).all()
+
+
+@pytest.mark.parametrize("reads", [{}, {"mesh_maps": True}, {"refined": {}}])
+def test_inputs_that_are_read_are_those_that_would_be_held(reads: dict[str, Any], run: ResolvedRun) -> None:
+    exemplars = load_exemplars(run.dataset, "train", GeneratorConfig(**LOCAL, **reads))
+    held, read = (make(exemplars, torch.device("cpu")) for make in (stack_inputs, batches.subject_inputs))
+    assert isinstance(read, WindowInputs)
+    assert len(held) == len(read) == 4
+    some = WindowInputs(exemplars.subjects, torch.device("cpu"), cache_bytes=0)
+    for chosen, inputs in zip(([0, 3], [2], [3, 1, 1], [0, 3]), (read, read, some, some), strict=True):
+        one, other = (each.pick(exemplars.subject_of[chosen]) for each in (held, inputs))
+        assert torch.equal(one.geometry, other.geometry)
+        assert one.geometry.stride() == other.geometry.stride()
+        assert (one.wholes is not None) == (other.wholes is not None) == ("refined" in reads)
+        if one.wholes is not None and other.wholes is not None:
+            wholes = [each.geometry[each.of] for each in (one.wholes, other.wholes)]
+            assert torch.equal(*wholes)
+            assert wholes[0].stride() == wholes[1].stride()
+            assert torch.equal(one.wholes.place, other.wholes.place)
+
+
+def test_only_the_last_windows_are_held(
+    run: ResolvedRun, cpu_renderer: Renderer[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loader, "KEPT", 2)
+    source = source_of(run, cpu_renderer)
+    some = WindowInputs(source.exemplars.subjects, torch.device("cpu"), cache_bytes=0)
+    seen, read = [], []
+    for index in [0, 1, 2, 3]:
+        seen.append(weakref.ref(source.exemplars.subject(index).surface))
+        read.append(weakref.ref(some.pick(torch.tensor([index])).geometry))
+        source.scenes([index], np.random.default_rng(0))
+    gc.collect()
+    assert [surface() is not None for surface in seen] == [False, False, True, True]
+    assert not any(geometry() is not None for geometry in read[:3])
+    plain: Any = SimpleNamespace(prepare=lambda surface: surface)
+    prepared = PreparedSurfaces(source.exemplars, plain)
+    first = weakref.ref(prepared.of(0))
+    assert prepared.of(0) is first()
+    for index in [1, 2]:
+        prepared.of(index)
+        source.exemplars.subject(index)
+    gc.collect()
+    assert first() is None
+
+
+def test_what_is_learned_does_not_depend_on_what_is_held(
+    run: ResolvedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = run.config.model_copy(update={"steps": 3})
+    monkeypatch.setattr(loader, "KEPT", 1)
+    monkeypatch.setattr(subject_inputs, "_SHARE", 0.0)
+    read = train(chosen, tmp_path / "read").generator.state_dict()
+    monkeypatch.setattr(loader, "KEPT", 64)
+    monkeypatch.setattr(batches, "subject_inputs", stack_inputs)
+    held = train(chosen, tmp_path / "held").generator.state_dict()
+    assert read.keys() == held.keys()
+    assert all(torch.equal(read[name], held[name]) for name in read)
 
 
 def test_the_size_of_a_pixel_is_the_distance_between_the_points_that_two_show(
@@ -163,8 +228,9 @@ def test_detail_is_learned_over_the_layers_of_a_model(
     again = train(chosen.model_copy(update={"steps": 3}), detail, resume=True)
     assert again.step == 3
     found = evaluate(detail, split="train", device="cpu", oracle=False)
-    assert found.source.buffers.wholes is not None
-    assert len(found.source.buffers.wholes.geometry) == 2, "one for each mesh"
+    wholes = found.source.inputs(range(4)).wholes
+    assert wholes is not None
+    assert len(wholes.geometry) == 2, "one for each mesh"
     with pytest.raises(ConfigError, match=r"in windows, and not all close-ups of .*whole have them"):
         RunConfig.load(detail).scored_on(Dataset.open(tmp_path / "whole"))
 

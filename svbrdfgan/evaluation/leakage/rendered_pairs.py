@@ -15,12 +15,13 @@ from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.data.generate import render_scene
 from svbrdfgan.evaluation.leakage.confounders import Confounder, scenes_with
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
-from svbrdfgan.training.batches import BatchSource, exemplar_spp, make_scenes, own_buffers, stack_inputs
+from svbrdfgan.training.batches import BatchSource, exemplar_spp, make_scenes, own_buffers
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.discriminator_batch import ImageBatch
 from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scene_batch import SceneRendering
 from svbrdfgan.training.step import make_pair
+from svbrdfgan.training.subject_inputs import subject_inputs
 from svbrdfgan.types import layer_channels
 
 _CHUNK = 8
@@ -84,7 +85,7 @@ class RenderedPairs:
             exemplars=exemplars,
             fake_scenes=self._scenes(scenes_with(config.scenes, present), config.spp),
             own_scenes=own_scenes,
-            buffers=stack_inputs(exemplars, self.device),
+            buffers=subject_inputs(exemplars, self.device),
             real=ImageBatch(images, coverage, *self._own_buffers(own_scenes)),
             demodulated=self._demodulated,
         )
@@ -137,7 +138,7 @@ class RenderedPairs:
     def _own_buffers(self, own_scenes: SceneRendering) -> list[Tensor | None]:
         """`own_buffers` of the exemplars, which no confounder changes."""
         if not self._buffers:
-            buffers = own_buffers(self.run.config.discriminator, own_scenes, self.chosen)
+            buffers = own_buffers(self.run.config.discriminator, own_scenes, self.chosen, self.exemplars.loader.cache)
             self._buffers.extend(None if buffer is None else self._scattered(buffer) for buffer in buffers)
         return self._buffers
 

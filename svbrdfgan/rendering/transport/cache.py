@@ -50,7 +50,7 @@ class MemoryCache(MutableMapping[Key, Stored], Generic[Key, Stored]):
         self._held[key] = stored
         self.nbytes += stored.nbytes
         if self._budget is None:
-            self._budget = int(_memory(stored.device) * self._share)
+            self._budget = int(memory_of(stored.device) * self._share)
         while self.nbytes > self._budget and len(self._held) > 1:
             del self[next(iter(self._held))]
 
@@ -150,7 +150,7 @@ class TransportStore(Generic[Key]):
         return LightTransport.load(self._paths[key]).to(self._device)
 
 
-def _memory(device: torch.device) -> int:
+def memory_of(device: torch.device) -> int:
     """The bytes of a GPU's memory, or of main memory that may be taken."""
     if device.type == "cuda":
         return int(torch.cuda.get_device_properties(device).total_memory)

@@ -135,7 +135,7 @@ def test_the_probe_shows_the_buffers_that_training_shows(
     exemplars, warp = load_exemplars(run.dataset, "train"), load_renderer("warp", {"device": "cpu"})
     scenes = make_scenes(run, exemplars, "train", warp, torch.device("cpu"))
     chosen = np.linspace(0, 99, 10).round().astype(int).tolist()
-    gbuffers, lights, _ = own_buffers(run.config.discriminator, scenes, chosen)
+    gbuffers, lights, _ = own_buffers(run.config.discriminator, scenes, chosen, run.dataset.folder)
     for mine, its in ((trial.real.light_buffer, lights), (trial.real.gbuffer, gbuffers)):
         assert mine is not None
         assert its is not None
