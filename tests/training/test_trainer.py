@@ -163,9 +163,10 @@ def test_a_run_with_chance_and_conditions_goes_on_bit_for_bit(
     assert (state.generator.random_fields, state.generator.labels) == (2, 3)
     model = load_model(tmp_path / "whole")
     assert model.config.conditions == Conditions((0.2, 1.0), ("rust", "dust"))
-    assert model.score == state.best[0] == max(entry["resemblance"] for entry in state.history)
-    averaged = state.averaged.state_dict()
-    assert all(torch.equal(weight, averaged[name]) for name, weight in model.generator.state_dict().items())
+    best = max(reversed(state.history), key=lambda entry: entry["rank"])
+    assert (model.score, state.best) == (best["resemblance"], (best["resemblance"], best["step"]))
+    parts = load_model(tmp_path / "parts").generator.state_dict()
+    assert all(torch.equal(weight, parts[name]) for name, weight in model.generator.state_dict().items())
 
 
 def test_a_run_starts_from_a_model(

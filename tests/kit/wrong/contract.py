@@ -126,7 +126,7 @@ class DoubleGradients(Right):
         return light_of(gradients, lambda light: light.double())
 
 
-@caught_by("test_memory_does_not_grow")
+@caught_by("test_memory_does_not_grow", "test_nothing_stays_of_a_render")
 @dataclass(frozen=True)
 class KeepsItsInputs(Right):
     """Every texture is kept."""
@@ -138,7 +138,7 @@ class KeepsItsInputs(Right):
         return call
 
 
-@caught_by("test_memory_does_not_grow")
+@caught_by("test_memory_does_not_grow", "test_nothing_stays_of_a_render")
 @dataclass(frozen=True)
 class KeepsItsPictures(Right):
     """Every picture is kept."""
