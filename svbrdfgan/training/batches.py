@@ -21,7 +21,6 @@ from svbrdfgan.metrics.recovered import SeenTexels
 from svbrdfgan.networks.inputs import Inputs
 from svbrdfgan.rendering.checked_renderer import CheckedRenderer
 from svbrdfgan.rendering.render_layer import RenderLayer
-from svbrdfgan.rendering.transport.cache import memory_of
 from svbrdfgan.training.cached_rendering import CachedRendering
 from svbrdfgan.training.config import DiscriminatorConfig, TrainConfig
 from svbrdfgan.training.deferred_rendering import DeferredRendering
@@ -33,6 +32,7 @@ from svbrdfgan.training.resolve import ResolvedRun
 from svbrdfgan.training.scene_batch import Progress, SceneBatch, SceneRendering
 from svbrdfgan.training.subject_inputs import WindowInputs, subject_inputs
 from svbrdfgan.utils.copy_async import copy_async
+from svbrdfgan.utils.devices import device_bytes
 from svbrdfgan.utils.display import Display, SilentDisplay
 from svbrdfgan.utils.large_tensors import half_tensor
 
@@ -141,7 +141,7 @@ def make_batch_source(
     sizes = pixel_sizes(exemplars) if discriminator.pixel_size else None
     labels = labels_of_scenes(run.conditions, exemplars.scenes)
     real = ImageBatch(exemplars.images, exemplars.coverage, *buffers, labels, sizes)
-    if real.nbytes <= _ON_DEVICE * memory_of(device):
+    if real.nbytes <= _ON_DEVICE * device_bytes(device):
         real = real.to(device)
     errors = None
     if split == "train" and demodulated and run.config.scenes.same_camera and run.config.scenes.import_errors:

@@ -289,10 +289,9 @@ def _score(session: _Session, state: State) -> None:
     state.history.append({"step": state.step, "seconds": state.seconds})
     score = None
     if measure is not None:
-        score = found[measure]
-        state.history[-1] |= {measure: score, "rank": found.get("rank", score)}
-        ranks = [entry.get("rank", entry[measure]) for entry in state.history]  # runs of old know the score alone
-        if ranks[-1] < max(ranks):
+        score, rank = found[measure], found.get("rank", found[measure])
+        state.history[-1] |= {measure: score, "rank": rank}
+        if any(rank < entry.get("rank", rank) for entry in state.history):
             return
         state.best = (score, state.step)
     save_generator(session.run / MODEL, state.averaged, session.config.generator, score)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from wrong import WHOLE, WRONG, Right, Wrong
@@ -84,6 +86,16 @@ def test_each_wrong_one_is_caught_at_little_power(wrong: Wrong, monkeypatch: pyt
     monkeypatch.setattr(resources, "LATER", 3)
     quick_first = sorted(wrong.tests, key=lambda test: (SLOW.index(test) if test in SLOW else -1, test))
     assert any(failures(wrong.renderer, test, power=FAST) for test in quick_first)
+
+
+@pytest.mark.parametrize(("kept", "leaks"), [([600] * 7 + [0] * 7, False), ([600] * 7 + [2600] * 7, True)])
+def test_what_grows_by_chance_is_looked_at_again(kept: list[int], leaks: bool) -> None:
+    """Kept are the bytes of each round: of five renders, then of 25."""
+    level = iter(np.cumsum(kept))
+    check = resources.ResourceTests._require_no_growth
+    growth: Any = (None, lambda seed: None, {"bytes": lambda: int(next(level))}, {"bytes": 100.0})
+    with pytest.raises(AssertionError, match=r"bytes grew by 104\.0") if leaks else nullcontext():
+        check(*growth)
 
 
 @pytest.mark.full

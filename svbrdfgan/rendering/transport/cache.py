@@ -12,7 +12,7 @@ from typing import Generic, Protocol, TypeVar
 import torch
 
 from svbrdfgan.rendering.transport.light_transport import LightTransport
-from svbrdfgan.utils.memory import allowed_bytes
+from svbrdfgan.utils.devices import device_bytes
 
 _SHARE = 0.25
 """The default budget is this share of the memory: the networks and their activations need the rest."""
@@ -50,7 +50,7 @@ class MemoryCache(MutableMapping[Key, Stored], Generic[Key, Stored]):
         self._held[key] = stored
         self.nbytes += stored.nbytes
         if self._budget is None:
-            self._budget = int(memory_of(stored.device) * self._share)
+            self._budget = int(device_bytes(stored.device) * self._share)
         while self.nbytes > self._budget and len(self._held) > 1:
             del self[next(iter(self._held))]
 
@@ -148,10 +148,3 @@ class TransportStore(Generic[Key]):
         if key not in self._paths:
             self._paths[key] = file(key)
         return LightTransport.load(self._paths[key]).to(self._device)
-
-
-def memory_of(device: torch.device) -> int:
-    """The bytes of a GPU's memory, or of main memory that may be taken."""
-    if device.type == "cuda":
-        return int(torch.cuda.get_device_properties(device).total_memory)
-    return allowed_bytes()

@@ -77,15 +77,17 @@ class ResourceTests(RendererKit):
 
         What grows is looked at again in longer rounds, in which chance is less.
         """
+        grown: list[str] = []
         for renders in (RENDERS, LONGER):
             growth = zip(counters, _growth(use, list(counters.values()), renders), strict=True)
             found = {what: each for what, each in growth if np.sort(each)[1] >= least.get(what, 1.0)}
-            if not found:
-                return
-        grown = [f"{what} grew by {', '.join(f'{one:.1f}' for one in each)}" for what, each in found.items()]
-        raise AssertionError(
+            grown = [f"{what} grew by {', '.join(f'{one:.1f}' for one in each)}" for what, each in found.items()]
+            if not grown:
+                break
+        check(
+            not grown,
             f"{' and '.join(grown)} with each render of the last rounds; "
-            "what keeps hold of surfaces, textures, pictures, pullbacks, files or threads?"
+            "what keeps hold of surfaces, textures, pictures, pullbacks, files or threads?",
         )
 
 
