@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from svbrdfgan.data.config import DatasetConfig, Split
-from svbrdfgan.data.exemplar_files import exemplar_paths, load_picture
+from svbrdfgan.data.exemplar_files import SplitFiles, load_picture
 from svbrdfgan.data.index import Dataset
 from svbrdfgan.errors import AssetError
 from svbrdfgan.networks.saved import GeneratorConfig
@@ -80,18 +80,18 @@ def load_exemplars(dataset: Dataset, split: Split, generator: GeneratorConfig | 
     if split not in index.config.splits:
         raise AssetError(f"{folder} has no split {split!r}; it has {', '.join(index.config.splits)}.")
     count = len(index.sampler(split))
-    there = {record.stem for record in (folder / split).glob("*.json")}
-    absent = count - sum(stem.isdigit() and int(stem) < count for stem in there)
-    if absent:  # counted without a look at each of what may be millions
-        raise AssetError(
-            f"{folder} is not finished: {absent} of {count} {split} exemplars are missing; run `svbrdfgan dataset`."
-        )
-    paths = [exemplar_paths(folder, split, number) for number in range(count)]
-    scenes = tuple(_load_scene(record, index.config) for _, record in paths)
-    loader = SceneLoader(folder)
-    pictures = half_tensor((count, scenes[0].height, scenes[0].width, 4), loader.cache)
-    for into, (picture, _), scene in zip(pictures, paths, scenes, strict=True):
-        into[:] = _load_picture(picture, scene)
+    loader, (width, height), scenes = SceneLoader(folder), index.config.image, []
+    with SplitFiles(folder, split) as files:
+        absent = count - len(files.numbers.intersection(range(count)))
+        if absent:
+            raise AssetError(
+                f"{folder} is not finished: {absent} of {count} {split} exemplars are missing; run `svbrdfgan dataset`."
+            )
+        pictures = half_tensor((count, height, width, 4), loader.cache)
+        for number in range(count):
+            with files.exemplar(number) as (picture, record):
+                scenes.append(_load_scene(record, index.config))
+                pictures[number] = _load_picture(picture, scenes[number])
     load = partial(_load_subject, loader, GeneratorConfig() if generator is None else generator)
     keys = [subject_key(scene) for scene in scenes]
     first_of = dict(zip(reversed(keys), reversed(scenes), strict=True))
@@ -100,7 +100,7 @@ def load_exemplars(dataset: Dataset, split: Split, generator: GeneratorConfig | 
     return Exemplars(
         images=pictures[..., :3],
         coverage=pictures[..., 3],
-        scenes=scenes,
+        scenes=tuple(scenes),
         subjects=shown if _windowed(scenes) else tuple(shown),
         subject_of=torch.tensor([number_of[key] for key in keys]),
         layers=_Loaded(loader.layer, scenes),

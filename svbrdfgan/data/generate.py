@@ -15,7 +15,7 @@ from lightning_fabric import Fabric
 from svbrdfgan.config.choices import PluginChoice
 from svbrdfgan.config.distributions import values_of
 from svbrdfgan.data.config import DatasetConfig, Split
-from svbrdfgan.data.exemplar_files import exemplar_paths, save_exemplar
+from svbrdfgan.data.exemplar_files import SplitFiles, exemplar_paths, save_exemplar
 from svbrdfgan.data.index import Dataset, DatasetIndex
 from svbrdfgan.data.labels import make_labels, save_labels
 from svbrdfgan.data.make_index import make_index
@@ -81,8 +81,9 @@ def generate(
 def missing(index: DatasetIndex, folder: Path, shard: Shard | None = None) -> Iterator[tuple[Split, int]]:
     """Split and number of each exemplar, of the shard or of all, that is not rendered yet; in the index's order."""
     exemplars = index.exemplars()
+    there = {split: SplitFiles(folder, split).numbers for split in index.config.splits}
     for split, number in exemplars if shard is None else shard.of(exemplars):
-        if not exemplar_paths(folder, split, number)[1].is_file():
+        if number not in there[split]:
             yield split, number
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from svbrdfgan.config.models import differences
 from svbrdfgan.data.config import DatasetConfig, EnvironmentSource, MeshSource, Split, SplitConfig
+from svbrdfgan.data.exemplar_files import SplitFiles
 from svbrdfgan.data.gather import gather_environments, gather_meshes, match_files
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.data.memory import require_dataset
@@ -44,7 +45,7 @@ def make_index(config: DatasetConfig, folder: Path, base: Path, workers: int = 1
             _warn_of_new_files(index, folder, base)
             warn_of_new_model(index.model, config, base)
             return index
-        begun = any(next((folder / split).glob("*.json"), None) for split in index.config.splits)
+        begun = any(SplitFiles(folder, split).numbers for split in index.config.splits)
         if begun or (folder / MARKS).is_dir():  # or other shards may be about to
             changed = "; ".join(differences(index.config.model_dump(), config.model_dump()))
             raise ConfigError(

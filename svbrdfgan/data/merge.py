@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from itertools import chain, groupby
 from pathlib import Path
 
 from svbrdfgan.config.models import differences
 from svbrdfgan.data.config import Split
-from svbrdfgan.data.exemplar_files import exemplar_paths
+from svbrdfgan.data.exemplar_files import SplitFiles, pack_path, packing
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.data.labels import label_paths
 from svbrdfgan.data.shards import Shard, remove_marks, shard_counts
@@ -31,12 +32,15 @@ _TOLD = 6
 """Shards that a message lists."""
 
 
-def merge_shards(folders: Sequence[Path], out: Path | None = None, *, display: Display | None = None) -> DatasetIndex:
+def merge_shards(
+    folders: Sequence[Path], out: Path | None = None, *, packed: bool = False, display: Display | None = None
+) -> DatasetIndex:
     """Makes one data set of shards: the same files as if one machine had made the whole, caches aside.
 
     Args:
         folders: one into which all shards were written, or several.
         out: where a copy of all is written; None completes the one folder in place.
+        packed: the exemplars are packed into tar files, instead of several small files for each.
 
     Raises:
         ConfigError: several folders and no `out`, one that exists, or folders of different data sets.
@@ -47,17 +51,26 @@ def merge_shards(folders: Sequence[Path], out: Path | None = None, *, display: D
         raise ConfigError("several folders are joined into another one: name it by -o.")
     if out is not None and out.exists():
         raise ConfigError(f"{out} already exists; choose another folder to join the shards in.")
-    with ExitStack() as claims:
+    with ExitStack() as stack:
         for folder in folders:
-            claims.enter_context(claimed(folder, f"{folder} is being written by another process"))
+            stack.enter_context(claimed(folder, f"{folder} is being written by another process"))
         index = _common_index(folders)
-        makers = _makers(index, folders)
+        stored = {split: [SplitFiles(folder, split) for folder in folders] for split in index.config.splits}
+        for files in chain(*stored.values()):
+            stack.enter_context(files)
+        makers = _makers(index, folders, stored)
         _check(index, makers, folders[0], display)
         if out is None:
+            if packed:
+                _pack(index, makers, folders[0], display)
+                for split in index.config.splits:
+                    SplitFiles(folders[0], split).remove_loose()
             _tidy(folders[0], index)
             return index
         with folder_beside(out) as stage:
-            _join(index, makers, folders, stage, display)
+            _copy_assets(folders, stage)
+            (_pack if packed else _copy)(index, makers, stage, display)
+            shutil.copyfile(folders[0] / INDEX, stage / INDEX)
             os.rename(stage, out)
         return index
 
@@ -78,17 +91,20 @@ def _common_index(folders: Sequence[Path]) -> DatasetIndex:
     return first
 
 
-def _makers(index: DatasetIndex, folders: Sequence[Path]) -> dict[_Exemplar, Path]:
-    """The first folder that has each exemplar.
+def _makers(
+    index: DatasetIndex, folders: Sequence[Path], stored: Mapping[Split, Sequence[SplitFiles]]
+) -> dict[_Exemplar, SplitFiles]:
+    """The files, of those stored in the folders, that first have each exemplar.
 
     Raises:
         AssetError: none has one of them; the message names the shards that are missing.
     """
-    exemplars, makers = index.exemplars(), dict[_Exemplar, Path]()
+    exemplars, makers = index.exemplars(), dict[_Exemplar, SplitFiles]()
+    there = {split: [files.numbers for files in each] for split, each in stored.items()}
     for split, number in exemplars:
-        for folder in folders:
-            if exemplar_paths(folder, split, number)[1].is_file():
-                makers[split, number] = folder
+        for files, numbers in zip(stored[split], there[split], strict=True):
+            if number in numbers:
+                makers[split, number] = files
                 break
     if len(makers) < len(exemplars):
         where = " and ".join(map(str, folders)) + (" lacks" if len(folders) == 1 else " lack")
@@ -106,7 +122,7 @@ def _makers(index: DatasetIndex, folders: Sequence[Path]) -> dict[_Exemplar, Pat
     return makers
 
 
-def _check(index: DatasetIndex, makers: dict[_Exemplar, Path], assets: Path, display: Display) -> None:
+def _check(index: DatasetIndex, makers: dict[_Exemplar, SplitFiles], assets: Path, display: Display) -> None:
     """Checks that each scene is that of the index, with its files beside it, and that the assets are.
 
     Raises:
@@ -119,14 +135,18 @@ def _check(index: DatasetIndex, makers: dict[_Exemplar, Path], assets: Path, dis
         loader.file(asset)
     display.begin("checking the exemplars", len(makers))
     samplers, renderers = {split: index.sampler(split) for split in index.config.splits}, set[str]()
-    for (split, number), folder in makers.items():
-        *files, record = _files(index, folder, split, number)
-        for file in files:
-            if not file.is_file():
-                raise AssetError(f"{file} is missing: delete {record}, make the shard again, and merge.")
-        scene, wanted = Scene.load(record), samplers[split].scene(number)
-        if scene.model_copy(update={"renderer": wanted.renderer}) != wanted:
-            raise AssetError(f"{record} is not the scene of that number: delete it, make the shard again, and merge.")
+    for (split, number), made in makers.items():
+        wanted = samplers[split].scene(number)
+        with made.exemplar(number) as paths:
+            *files, record = _files(index, *paths)
+            for file in files:
+                if not file.is_file():
+                    raise AssetError(f"{file} is missing: delete {record}, make the shard again, and merge.")
+            scene = Scene.load(record)
+            if scene.model_copy(update={"renderer": wanted.renderer}) != wanted:
+                raise AssetError(
+                    f"{record} is not the scene of that number: delete it, make the shard again, and merge."
+                )
         renderers.add(scene.renderer.name)
         display.advance()
     if len(renderers) > 1:
@@ -134,9 +154,8 @@ def _check(index: DatasetIndex, makers: dict[_Exemplar, Path], assets: Path, dis
         log.warning("the exemplars are by several renderers (%s): better name one in `renderer`", named)
 
 
-def _files(index: DatasetIndex, folder: Path, split: Split, number: int) -> list[Path]:
-    """The files of an exemplar; its scene is the last."""
-    picture, record = exemplar_paths(folder, split, number)
+def _files(index: DatasetIndex, picture: Path, record: Path) -> list[Path]:
+    """The files of an exemplar, beside the two; its scene is the last."""
     return [picture, *label_paths(picture, index.config.labels), record]
 
 
@@ -147,18 +166,31 @@ def _tidy(folder: Path, index: DatasetIndex) -> None:
     remove_marks(folder)
 
 
-def _join(
-    index: DatasetIndex, makers: dict[_Exemplar, Path], folders: Sequence[Path], stage: Path, display: Display
-) -> None:
+def _copy_assets(folders: Sequence[Path], stage: Path) -> None:
     hidden = shutil.ignore_patterns(".*")
-    display.begin("copying the exemplars", len(makers))
     shutil.copytree(folders[0] / "assets", stage / "assets", ignore=hidden)
     for folder in folders:  # baked once, whoever needs it next
         if (folder / "cache").is_dir():
             shutil.copytree(folder / "cache", stage / "cache", ignore=hidden, dirs_exist_ok=True)
-    for (split, number), folder in makers.items():
+
+
+def _copy(index: DatasetIndex, makers: dict[_Exemplar, SplitFiles], stage: Path, display: Display) -> None:
+    display.begin("copying the exemplars", len(makers))
+    for (split, number), made in makers.items():
         (stage / split).mkdir(exist_ok=True)
-        for file in _files(index, folder, split, number):
-            shutil.copyfile(file, stage / split / file.name)
+        with made.exemplar(number) as paths:
+            for file in _files(index, *paths):
+                shutil.copyfile(file, stage / split / file.name)
         display.advance()
-    shutil.copyfile(folders[0] / INDEX, stage / INDEX)
+
+
+def _pack(index: DatasetIndex, makers: dict[_Exemplar, SplitFiles], folder: Path, display: Display) -> None:
+    """Writes the tar files of all exemplars into a folder."""
+    display.begin("packing the exemplars", len(makers))
+    for path, group in groupby(makers, lambda exemplar: pack_path(folder, *exemplar)):
+        with packing(path) as add:
+            for split, number in group:
+                with makers[split, number].exemplar(number) as paths:
+                    for file in _files(index, *paths):
+                        add(file)
+                display.advance()

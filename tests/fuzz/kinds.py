@@ -29,6 +29,7 @@ from svbrdfgan.bench.standard_scenes import standard_scene
 from svbrdfgan.cli.options import read_config
 from svbrdfgan.config.models import validate
 from svbrdfgan.data.config import dataset_config
+from svbrdfgan.data.exemplar_files import SplitFiles, load_picture, packing
 from svbrdfgan.data.index import INDEX, DatasetIndex
 from svbrdfgan.data.photos.manifest import read_manifest
 from svbrdfgan.data.photos.photo import load_photo
@@ -182,6 +183,7 @@ def _records(dataset: Path, files: dict[str, bytes], surface: Surface) -> dict[s
     return {
         "index": Kind(INDEX, ((dataset / INDEX).read_bytes(),), lambda p: DatasetIndex.load(p.parent)),
         "scene": Kind("scene.json", (scene.read_bytes(),), Scene.load),
+        "pack": Kind("train-0000.tar", (_packed(scene),), _read_pack),
         "counters": Kind("state.json", (json.dumps(counters).encode(),), lambda p: load_record(_Counters, p)),
         "notes": Kind(
             "oracle.json", (b'{"steps": 3, "run_steps": 4, "plateau": true}',), lambda p: load_record(_Notes, p)
@@ -198,6 +200,25 @@ def _records(dataset: Path, files: dict[str, bytes], surface: Surface) -> dict[s
         "layer": Kind("layer.safetensors", (files["layer"],), lambda p: load_layer(p, SIDE)),
         "bench": Kind("scene.npz", (files["bench"],), BenchScene.load),
     }
+
+
+def _packed(record: Path) -> bytes:
+    """A tar file of one exemplar."""
+    path = record.with_name("packed.tar")
+    with packing(path) as add:
+        for file in (record.with_suffix(".exr"), record):
+            add(file)
+    content = path.read_bytes()
+    path.unlink()
+    return content
+
+
+def _read_pack(path: Path) -> None:
+    with SplitFiles(path.parent, "train") as files:
+        for number in files.numbers:
+            with files.exemplar(number) as (picture, record):
+                Scene.load(record)
+                load_picture(picture)
 
 
 def _files(folder: Path, dataset: Path) -> dict[str, bytes]:
