@@ -17,7 +17,6 @@ from svbrdfgan.errors import ConfigError
 from svbrdfgan.rendering.checked_renderer import CheckedLight, CheckedRenderer
 from svbrdfgan.rendering.compositing import composite_values
 from svbrdfgan.rendering.shade_layer import shade
-from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.description import Scene
 from svbrdfgan.training.config import ScenesConfig
 from svbrdfgan.training.perturb import Perturbation
@@ -35,6 +34,7 @@ from svbrdfgan.training.scene_batch import (
 )
 from svbrdfgan.types import CHANNELS, Layer, Material
 from svbrdfgan.utils.copy_async import copy_async
+from svbrdfgan.utils.memory_cache import MemoryCache
 
 _MOST = 4.0
 """The largest ratio of a clean picture to one of a few samples."""

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from svbrdfgan.data.exemplars import Exemplars
 from svbrdfgan.networks.inputs import Inputs
-from svbrdfgan.rendering.transport.cache import MemoryCache
 from svbrdfgan.scene.subject import Subject
 from svbrdfgan.utils.copy_async import copy_async
+from svbrdfgan.utils.memory_cache import MemoryCache
 
 _SHARE = 0.125
 

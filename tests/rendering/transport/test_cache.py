@@ -1,4 +1,4 @@
-"""Transports in memory within a budget, and their prefetching."""
+"""Transports are prefetched from files."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,49 +7,13 @@ import pytest
 import torch
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.rendering.transport.cache import MemoryCache, TransportReader
+from svbrdfgan.rendering.transport.cache import TransportReader
 from svbrdfgan.rendering.transport.light_transport import LightTransport
 from svbrdfgan.rendering.transport.product import TransportBatch
+from svbrdfgan.utils.memory_cache import MemoryCache
 
 Make = Callable[..., LightTransport]
 DEVICES = ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
-
-
-def test_the_least_recently_used_is_dropped_first(make_transport: Make) -> None:
-    transport = make_transport(0)
-    cache: MemoryCache[str] = MemoryCache(3 * transport.nbytes)
-    for key in "abc":
-        cache[key] = transport
-    assert cache.get("a") is transport
-    cache["d"] = transport
-    assert set(cache) == {"a", "c", "d"}
-    assert cache.get("b") is None
-    assert "b" not in cache
-
-
-def test_bytes_are_counted_through_every_change(make_transport: Make) -> None:
-    transports = [make_transport(n, parts=n) for n in range(5)]
-    cache: MemoryCache[int] = MemoryCache(sum(t.nbytes for t in transports[1:4]))
-    for n in (0, 1, 2, 0, 3, 4, 1, 1, 2, 0):
-        cache[n] = transports[n]
-        assert cache.nbytes == sum(t.nbytes for t in cache.values())
-        assert cache.nbytes <= sum(t.nbytes for t in transports[1:4])
-    del cache[0]
-    cache.clear()
-    assert (len(cache), cache.nbytes) == (0, 0)
-
-
-def test_one_that_exceeds_the_budget_stays_alone(make_transport: Make) -> None:
-    cache: MemoryCache[int] = MemoryCache(1)
-    cache[0], cache[1] = make_transport(0), make_transport(1)
-    assert list(cache) == [1]
-
-
-def test_without_a_budget_there_is_plenty(make_transport: Make) -> None:
-    cache: MemoryCache[int] = MemoryCache()
-    for n in range(50):
-        cache[n] = make_transport(n)
-    assert len(cache) == 50
 
 
 @pytest.mark.parametrize("device", DEVICES)
