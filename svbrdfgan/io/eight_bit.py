@@ -20,6 +20,20 @@ MOST_LINEAR = 8192 * 8192
 """Of a picture that becomes linear values, which take twelve bytes each: 0.8 GB, and 0.2 GB as it is decoded."""
 
 
+_DEFLATED = 1032
+"""Times that DEFLATE, in which PNG packs pixels of at least a bit, makes bytes fewer, at most (RFC 1951)."""
+
+
+def require_bytes(picture: Image, size: int) -> None:
+    """Refuses a PNG that claims more pixels than a file of this many bytes holds; Pillow would make the others black.
+
+    Raises:
+        ValueError: instead of a picture.
+    """
+    if picture.format == "PNG" and picture.width * picture.height / 8 > _DEFLATED * size:
+        raise ValueError(f"it says that it has {picture.width} x {picture.height} pixels, which its bytes cannot hold")
+
+
 def flipped_bytes(picture: Image) -> Bytes:
     """The bytes of the picture, RGBA if it has any kind of transparency, else RGB."""
     return np.asarray(eight_bit(picture))[::-1]

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from svbrdfgan.errors import AssetError
 from svbrdfgan.io.atomic import atomic_path
-from svbrdfgan.io.eight_bit import MOST_LINEAR
+from svbrdfgan.io.eight_bit import MOST_LINEAR, require_bytes
 from svbrdfgan.io.exr import read_floats, write_floats
 from svbrdfgan.io.files import check_file
 
@@ -74,8 +74,7 @@ def load_grey(path: str | os.PathLike[str]) -> Float[Tensor, "height width"]:
         AssetError: as for `load_image`.
     """
     path = check_file(path, EIGHT_BIT + FLOAT, "picture")
-    values = _load_float(path) if path.suffix.lower() in FLOAT else _load_eight_bit(path, numbers_from_picture)
-    grey = values[..., :3].mean(dim=-1) * values[..., 3:].prod(dim=-1)
+    grey = _grey(_load_float(path)) if path.suffix.lower() in FLOAT else _load_eight_bit(path, _grey_from_picture)
     return grey.nan_to_num(nan=0.0).clamp(0, 1)
 
 
@@ -184,6 +183,18 @@ def numbers_from_picture(image: Image) -> Float[Tensor, "height width channels"]
     return torch.from_numpy(numbers)
 
 
+def _grey_from_picture(image: Image) -> Float[Tensor, "height width"]:
+    """`_grey` of what the image stores, in as little memory as it takes."""
+    grey = np.empty((image.height, image.width), np.float32)
+    for rows, part in _strips(image):
+        grey[rows] = _grey(numbers_from_picture(part)).numpy()
+    return torch.from_numpy(grey)
+
+
+def _grey(values: Float[Tensor, "height width channels"]) -> Float[Tensor, "height width"]:
+    return values[..., :3].mean(dim=-1) * values[..., 3:].prod(dim=-1)
+
+
 def _strips(image: Image) -> Iterator[tuple[slice, Image]]:
     """Some rows of the picture after others, so that it is in memory in bytes and in what they become, and no more."""
     height = max(1, _STRIP // image.width)
@@ -213,8 +224,8 @@ _LINEAR: Float[ndarray, " codes"] = linear_from_srgb(torch.arange(256, dtype=tor
 
 
 def _load_eight_bit(
-    path: Path, decode: Callable[[Image], Float[Tensor, "height width channels"]] = linear_from_picture
-) -> Float[Tensor, "height width channels"]:
+    path: Path, decode: Callable[[Image], Float[Tensor, "height width ..."]] = linear_from_picture
+) -> Float[Tensor, "height width ..."]:
     from PIL import Image as PillowImage
 
     try:
@@ -224,6 +235,7 @@ def _load_eight_bit(
                     f"it has {image.width} x {image.height} pixels; at most {MOST_LINEAR // 10**6} million are kept "
                     "as linear values"
                 )
+            require_bytes(image, path.stat().st_size)
             return decode(image)
     except Exception as error:  # Pillow's decoders raise many types; each means a broken file
         raise AssetError(f"{path} cannot be read as a picture: {error}.") from error

@@ -18,7 +18,9 @@ from svbrdfgan.asset.piece_groups import groups
 from svbrdfgan.asset.verdicts import judge
 from svbrdfgan.asset.weather_document import Textures
 from svbrdfgan.io.gltf import primitives
+from svbrdfgan.io.gltf.materials import look_of
 from svbrdfgan.io.gltf.pieces import document_pieces
+from svbrdfgan.io.materials import Look
 from svbrdfgan.utils.memory import limited
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1], [1, 1, 0]], "<f4")
@@ -71,6 +73,23 @@ def test_a_material_that_other_pieces_have_is_shared(tmp_path: Path) -> None:
     asset = crowd(tmp_path / "a.glb", 6, materials=3)
     assert [group.shared for group in groups(asset, (0, 1, 4))] == [True, False]
     assert [group.pieces for group in groups(asset, (0, 1, 4))] == [(0,), (1, 4)]
+
+
+def test_a_material_is_read_once_however_many_primitives_have_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+
+    def counted(*given: Any) -> Look:
+        look = look_of(*given)
+        read.append(look.part.name)
+        return look
+
+    monkeypatch.setattr("svbrdfgan.io.gltf.pieces.look_of", counted)
+    crowd(tmp_path / "a.glb", 60, materials=2)
+    assert read == ["light 0", "light 1"]
+    asset = crowd(tmp_path / "b.glb", 4, materials=2, name="")
+    assert [piece.part.name for piece in document_pieces(asset.document)] == ["b"] * 4
 
 
 def test_the_pieces_of_one_material_are_found_at_once(tmp_path: Path) -> None:

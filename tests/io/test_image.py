@@ -19,6 +19,7 @@ from svbrdfgan.io.exr import load_exr, save_exr
 from svbrdfgan.io.gltf_codecs.pictures import UnreadablePicture, decode_picture
 from svbrdfgan.io.image import (
     linear_from_srgb,
+    load_grey,
     load_image,
     save_codes,
     save_image,
@@ -177,6 +178,38 @@ def test_a_png_of_absurd_size_is_refused(tmp_path: Path) -> None:
         load_image(tmp_path / "a.png")
     with pytest.raises(UnreadablePicture):
         decode_picture(absurd, None)
+
+
+def test_a_png_of_more_pixels_than_its_bytes_can_hold_is_refused(tmp_path: Path) -> None:
+    """Its data end, so that Pillow would make the other rows black."""
+    save_image(tmp_path / "a.png", torch.rand(4, 4, 3))
+    data = (tmp_path / "a.png").read_bytes()
+    head = b"IHDR" + struct.pack(">2I", 4, 12_000_000) + data[24:29]
+    claims = data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:]
+    (tmp_path / "a.png").write_bytes(claims)
+    for load in (load_image, load_grey):
+        with pytest.raises(AssetError, match="says that it has 4 x 12000000 pixels, which its bytes cannot hold"):
+            load(tmp_path / "a.png")
+    with pytest.raises(UnreadablePicture, match="which its bytes cannot hold"):
+        decode_picture(claims, None)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "P", "RGB", "RGBA", "I;16"])
+def test_grey_is_the_mean_of_the_colours_times_alpha(
+    tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the picture is read by strips of some rows."""
+    monkeypatch.setattr("svbrdfgan.io.image._STRIP", 15)
+    codes = np.random.default_rng(3).integers(0, 256, (8, 5, 4), np.uint8)
+    if mode == "I;16":
+        Image.fromarray(codes[..., 0].astype(np.uint16) * 257).save(tmp_path / "a.png")
+    else:
+        Image.fromarray(codes[..., : 4 if "A" in mode else 3]).convert(mode).save(tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as stored:
+        shown = np.asarray(stored)[..., None] / 257 if mode == "I;16" else np.asarray(stored.convert("RGBA"))
+    shown = torch.from_numpy(shown.astype(np.float32)) / 255
+    wanted = shown[..., :3].mean(dim=-1) * (shown[..., 3] if shown.shape[-1] == 4 else 1.0)
+    torch.testing.assert_close(load_grey(tmp_path / "a.png"), wanted, atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize(

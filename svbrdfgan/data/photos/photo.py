@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from svbrdfgan.errors import AssetError
-from svbrdfgan.io.eight_bit import eight_bit
+from svbrdfgan.io.eight_bit import eight_bit, require_bytes
 from svbrdfgan.io.files import check_file
 from svbrdfgan.io.image import EIGHT_BIT, linear_from_picture, load_image, srgb_from_linear
 
@@ -25,8 +25,6 @@ SUFFIXES = (*EIGHT_BIT, ".exr")
 MOST_PIXELS = 300_000_000
 """Of a file that is read; phones take 200 million."""
 _KEPT_PIXELS = 25_000_000
-_DEFLATED = 1032
-"""Times that DEFLATE, in which PNG packs pixels of at least a bit, makes bytes fewer, at most (RFC 1951)."""
 ORIENTATION, _FIRST_TURNED = 0x0112, 5
 """EXIF's tag, and its first value of a picture that lies on its side."""
 _LEAST = 16
@@ -172,11 +170,7 @@ def opened(path: Path) -> Iterator[Image]:
                     f"{path} has {image.width * image.height / 1e6:.0f} megapixels; at most {MOST_PIXELS / 1e6:.0f} "
                     "are read: make it smaller."
                 )
-            if image.format == "PNG" and image.width * image.height / 8 > _DEFLATED * path.stat().st_size:
-                raise AssetError(
-                    f"{path} says that it has {image.width} x {image.height} pixels, which its bytes cannot hold; "
-                    "is it cut short?"
-                )
+            require_bytes(image, path.stat().st_size)
             yield image
     except AssetError:
         raise

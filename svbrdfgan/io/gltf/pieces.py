@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -94,6 +95,7 @@ class _Builder:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.pictures, self.decoded = DocumentPictures(document), Pictures(document.path)
+        self._looks: dict[int, Look] = {}
 
     @cached_property
     def world(self) -> dict[int, Matrix]:
@@ -127,8 +129,12 @@ class _Builder:
 
     def _look(self, primitive: Json, name: str) -> Look:
         if "material" in primitive:
-            material = self.document.table("materials")[primitive["material"]]
-            return look_of(self.pictures, self.decoded, name, material)
+            number = primitive["material"]
+            if number not in self._looks:  # else its textures would be in memory for each primitive
+                material = self.document.table("materials")[number]
+                self._looks[number] = look_of(self.pictures, self.decoded, "", material)
+            look = self._looks[number]
+            return look if look.part.name else replace(look, part=replace(look.part, name=name))
         if "COLOR_0" not in primitive["attributes"]:
             return Look(Part(name))
         log.info("%s: colours of single vertices are averaged over '%s'", self.document.path, name)

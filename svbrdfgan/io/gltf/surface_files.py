@@ -21,7 +21,7 @@ from svbrdfgan.io.gltf.document import Document, Json, write_document
 from svbrdfgan.io.gltf.materials import LAMBERTIAN
 from svbrdfgan.io.gltf_codecs.plain import INDICES
 from svbrdfgan.io.image import texture_png
-from svbrdfgan.io.rows import merge_rows
+from svbrdfgan.io.rows import members, merge_rows
 from svbrdfgan.types import FileMap, Mesh, Part, Surface
 from svbrdfgan.types.geometry import FILE_CHANNELS
 
@@ -120,9 +120,8 @@ def mesh_document(path: str | os.PathLike[str], mesh: Mesh) -> Document:
         path: of the file that it is or will be.
     """
     builder = _Builder.at(path, (True, True))
-    for index, part in enumerate(mesh.parts):
-        chosen = mesh.face_part == index
-        if chosen.any():
+    for part, chosen in zip(mesh.parts, members(mesh.face_part, len(mesh.parts)), strict=True):
+        if len(chosen):
             look = {name: _over(mesh, given) for name, given in part.all_maps.items()}
             if "normal" in look and look["normal"].texture is None:
                 del look["normal"]

@@ -7,7 +7,7 @@ from io import BytesIO
 
 from PIL import Image
 
-from svbrdfgan.io.eight_bit import MOST_TEXELS
+from svbrdfgan.io.eight_bit import MOST_TEXELS, require_bytes
 
 KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 MODES = {9: "L", 15: "L", 23: "RGB", 29: "RGB", 37: "RGBA", 43: "RGBA"}
@@ -36,6 +36,7 @@ def decode_picture(data: bytes, mime: str | None) -> Image.Image:
     try:
         picture = Image.open(BytesIO(data), formats=("PNG", "JPEG", "WEBP"))
         _require_size(*picture.size)
+        require_bytes(picture, len(data))
         picture.load()
     except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
         reason = f"a picture of type {mime or 'unknown'} cannot be read ({error}); wanted PNG, JPEG or WebP"
