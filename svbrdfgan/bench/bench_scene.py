@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import torch
@@ -144,8 +146,9 @@ class BenchScene:
             AssetError: the file is missing, damaged or something else.
         """
         try:
+            size = os.stat(path).st_size
             with np.load(path) as file:
-                scene = cls(**{field.name: file[field.name] for field in fields(cls)})
+                scene = cls(**{field.name: _array(file, field.name, size) for field in fields(cls)})
             scene.require_whole()
         except Exception as error:  # NumPy and zipfile raise many types
             reason = " ".join(str(error).split())[:200]
@@ -165,3 +168,18 @@ class BenchScene:
                 raise ValueError(f"{name} has shape {values.shape} of {values.dtype}, or numbers that are not finite")
         self.surface()
         self.view()
+
+
+def _array(file: Any, name: str, most: int) -> Any:
+    """An array of a .npz file that `save` wrote, which compresses nothing.
+
+    Raises:
+        ValueError: its header claims more than `most` bytes.
+    """
+    with file.zip.open(f"{name}.npy") as member:
+        version = np.lib.format.read_magic(member)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(member)
+    if math.prod(shape) * dtype.itemsize > most:
+        raise ValueError(f"{name} claims the shape {shape}, which the file's bytes cannot hold")
+    return np.asarray(file[name])

@@ -1,5 +1,7 @@
 """What every program is given."""
 
+import io
+import zipfile
 from dataclasses import fields
 from pathlib import Path
 
@@ -49,6 +51,24 @@ def test_a_file_of_something_else_is_reported(tmp_path: Path) -> None:
 def test_a_damaged_file_is_reported(tiny: BenchScene, tmp_path: Path, change: dict[str, np.ndarray]) -> None:
     np.savez(tmp_path / "scene.npz", **{**{f.name: getattr(tiny, f.name) for f in fields(BenchScene)}, **change})
     with pytest.raises(AssetError, match=r"scene.npz cannot be read as a scene"):
+        BenchScene.load(tmp_path / "scene.npz")
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0)])
+def test_an_array_that_claims_more_than_the_file_holds_is_not_made(
+    tiny: BenchScene, tmp_path: Path, version: tuple[int, int]
+) -> None:
+    tiny.save(tmp_path / "whole.npz")
+    header = io.BytesIO()
+    claimed = {"descr": "<f4", "fortran_order": False, "shape": (2**30, 9)}
+    write = np.lib.format.write_array_header_1_0 if version == (1, 0) else np.lib.format.write_array_header_2_0
+    write(header, claimed)
+    with zipfile.ZipFile(tmp_path / "whole.npz") as whole, zipfile.ZipFile(tmp_path / "scene.npz", "w") as damaged:
+        for name in whole.namelist():
+            damaged.writestr(name, header.getvalue() if name == "positions.npy" else whole.read(name))
+    with pytest.raises(
+        AssetError, match=r"positions claims the shape \(1073741824, 9\), which the file's bytes cannot"
+    ):
         BenchScene.load(tmp_path / "scene.npz")
 
 

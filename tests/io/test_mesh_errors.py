@@ -105,7 +105,9 @@ WRONG_MATERIALS: dict[str, dict] = {
 }
 NESTED = {"nodes": [{"children": [k + 1]} for k in range(40_000)] + [{"mesh": 0}]}
 THREE = {"scenes": [{"nodes": [0, 1, 2]}]}
-FAN = {"nodes": [{"children": [1] * 2000}, {"children": [2] * 2000}, {"mesh": 0}]}
+PATHS = {"nodes": [{"children": [k + 2 - k % 2, k + 3 - k % 2]} for k in range(40)] + [{"mesh": 0}] * 2}
+"""From each node two ways lead on, to the same two."""
+REPEATED = {"scenes": [{"nodes": [0] * 2000}], "nodes": [{"children": [1] * 2000}, {"mesh": 0}]}
 
 BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
     **{f"empty {s}": (f"a.{s}", lambda: b"", "is empty") for s in ("glb", "gltf", "obj", "ply", "stl")},
@@ -141,7 +143,7 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
         for name in ("TEXCOORD_500", "TEXCOORD_999999999", "TEXCOORD_x")
     },
     "gltf of nested nodes": ("a.glb", lambda: glb(gltf(**NESTED), CORNERS), "above one another"),
-    "gltf of nodes named often": ("a.glb", lambda: glb(gltf(**FAN), CORNERS), "shows more than"),
+    "gltf of nodes named often": ("a.glb", lambda: glb(gltf(**PATHS), CORNERS), "shows more than"),
     **{
         f"gltf with {what} not finite": ("a.glb", lambda m=m: glb(textured(**m), CORNERS + CORNERS), "not finite")
         for what, m in NOT_FINITE.items()
@@ -285,3 +287,8 @@ def test_a_texture_of_too_many_texels_is_left_out(tmp_path: Path, caplog: pytest
     path.write_bytes(glb(header, CORNERS + CORNERS + stream.getvalue()))
     assert load_mesh(path).parts[0].texture is None
     assert "13000 x 13000 texels; wanted at most 100 million" in caplog.text
+
+
+def test_a_node_that_a_list_names_twice_stands_there_once(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(glb(gltf(**REPEATED), CORNERS))
+    assert len(load_mesh(tmp_path / "a.glb").faces) == 1

@@ -73,7 +73,7 @@ def world_matrices(document: Document) -> Iterator[tuple[int, Matrix]]:
         if len(above) > MAX_DEPTH:
             raise AssetError(f"{document.path} has more than {MAX_DEPTH} nodes above one another; is it whole?")
         yield node, world
-        for child in reversed(nodes[node].get("children", [])):
+        for child in reversed(_each_once(nodes[node].get("children", []))):
             if child in above:
                 raise AssetError(f"{document.path} has nodes that contain themselves; is it whole?")
             pending.append((child, world, (*above, child)))
@@ -105,10 +105,15 @@ def transform(translation: Vector, rotation: Vector, scale: Vector) -> Matrix:
 def _roots(document: Document) -> list[int]:
     scenes = document.table("scenes")
     if scenes:
-        return list(scenes[document.header.get("scene", 0)].get("nodes", []))
+        return _each_once(scenes[document.header.get("scene", 0)].get("nodes", []))
     nodes = document.table("nodes")
     children = {child for node in nodes for child in node.get("children", [])}
     return [index for index in range(len(nodes)) if index not in children]
+
+
+def _each_once(nodes: Sequence[int]) -> list[int]:
+    """The nodes of one list, in which glTF allows none twice: it would stand where it stands already."""
+    return list(dict.fromkeys(nodes))
 
 
 def _gpu_instances(document: Document, node: Json) -> list[Matrix]:
