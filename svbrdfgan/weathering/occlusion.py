@@ -78,20 +78,32 @@ def mean_curvature(
     cloud, facing = scatter(surface, radius / 3.0, None if hidden.all() else ~hidden)
     tree = cKDTree(cloud)
     nearest = np.arange(min(48, len(cloud))) + 1  # a list, since a number of 1 would drop its axis
+    facing_square, facing_along = _dot(facing, facing), _dot(facing, cloud)
 
     def slope(points: Float[ndarray, "block 3"], normals: Float[ndarray, "block 3"]) -> Float[ndarray, " block"]:
         distance, index = tree.query(points, k=nearest, distance_upper_bound=radius)
         found = np.isfinite(distance)
-        index = np.where(found, index, 0)
-        ray, turn = cloud[index] - points[:, None], facing[index] - normals[:, None]
-        agreement = 1.0 - 0.5 * np.square(turn).sum(axis=2)
+        index, square = np.where(found, index, 0), np.where(found, np.square(distance), 0.0)
+        # with ray = cloud - points and turn = facing - normals: |turn|^2 and turn . ray, multiplied out, which is faster
+        there = facing[index]
+        turn_square = facing_square[index] + _dot(normals, normals)[:, None] - 2.0 * _each(there, normals)
+        rise = (
+            facing_along[index] - _each(there, points) - _each(cloud[index], normals) + _dot(points, normals)[:, None]
+        )
         # the weight falls to zero at the radius and for opposite normals, so the result is continuous in the point
-        weight = np.where(found, 1.0 - (distance / radius) ** 2, 0.0) * np.clip(1.0 + 2.0 * agreement, 0.0, 1.0)
-        slope = (weight * (turn * ray).sum(axis=2)).sum(axis=1)
-        spread = (weight * np.square(ray).sum(axis=2)).sum(axis=1)
-        return radius * slope / np.maximum(spread, 1e-6 * radius**2)
+        weight = np.where(found, 1.0 - square / radius**2, 0.0) * np.clip(3.0 - turn_square, 0.0, 1.0)
+        return radius * _dot(weight, rise) / np.maximum(_dot(weight, square), 1e-6 * radius**2)
 
     return by_blocks(slope, points, normals)
+
+
+def _dot(one: Float[ndarray, "rows n"], other: Float[ndarray, "rows n"]) -> Float[ndarray, " rows"]:
+    return np.einsum("pi,pi->p", one, other)
+
+
+def _each(several: Float[ndarray, "rows k 3"], one: Float[ndarray, "rows 3"]) -> Float[ndarray, "rows k"]:
+    """The dot product of each of a row's vectors with the row's one."""
+    return np.einsum("pki,pi->pk", several, one)
 
 
 def _clearance(
