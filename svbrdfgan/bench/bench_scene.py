@@ -182,4 +182,4 @@ def _array(file: Any, name: str, most: int) -> Any:
         shape, _, dtype = read(member)
     if math.prod(shape) * dtype.itemsize > most:
         raise ValueError(f"{name} claims the shape {shape}, which the file's bytes cannot hold")
-    return np.asarray(file[name])
+    return file[name]

@@ -21,7 +21,8 @@ def command(folders: tuple[Path, ...], out: Path | None, packed: bool) -> None:
     One DIR, into which all shards were written, is completed in place. Several are copied into one by -o. The result
     has the same files as `svbrdfgan dataset CONFIG` on one machine makes; with --pack, in fewer and larger ones.
     """
-    kept = "the shards are as they were, and the same command merges them."
+    in_place = packed and out is None
+    kept = f"{'no exemplar is lost' if in_place else 'the shards are as they were'}, and the same command merges them."
     with progress("looking for the exemplars", lambda: kept) as display:
         from svbrdfgan.data.merge import merge_shards
 

@@ -158,7 +158,7 @@ class _Pack:
     @property
     def numbers(self) -> list[int]:
         """The exemplars whose scene is there."""
-        return [number for number, places in self._places.items() if any(".json" in name for name, *_ in places)]
+        return [number for number, places in self._places.items() if any(name.endswith(".json") for name, *_ in places)]
 
     @contextmanager
     def unpacked(self, number: int, folder: Path) -> Iterator[None]:

@@ -18,8 +18,6 @@ MOST_TEXELS = 100_000_000
 """Of a texture that stays in bytes."""
 MOST_LINEAR = 8192 * 8192
 """Of a picture that becomes linear values, which take twelve bytes each: 0.8 GB, and 0.2 GB as it is decoded."""
-
-
 _DEFLATED = 1032
 """Times that DEFLATE, in which PNG packs pixels of at least a bit, makes bytes fewer, at most (RFC 1951)."""
 

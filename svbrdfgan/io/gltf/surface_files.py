@@ -91,9 +91,9 @@ def save_glb(
                 path, surface, index, values.expand(1, 1, -1) if values.ndim == 1 else values, (FILE_CHANNELS[name],)
             )
     builder = _Builder.at(path, surface.repeat)
-    for index, part in enumerate(surface.parts):
-        chosen = surface.face_part == index
-        if chosen.any():
+    for index, chosen in enumerate(members(surface.face_part, len(surface.parts))):
+        if len(chosen):
+            part = surface.parts[index]
             look = _surface_maps(part, textures.get(index), maps.get(index, {}))
             material = _add_material(builder, part.name, look)
             framed = tangents if "normal" in look else None

@@ -15,7 +15,6 @@ from svbrdfgan.utils.memory_cache import MemoryCache
 
 _THREADS = 4
 
-
 Key = TypeVar("Key")
 
 
