@@ -84,7 +84,7 @@ def mean_curvature(
         distance, index = tree.query(points, k=nearest, distance_upper_bound=radius)
         found = np.isfinite(distance)
         index, square = np.where(found, index, 0), np.where(found, np.square(distance), 0.0)
-        # with ray = cloud - points and turn = facing - normals: |turn|^2 and turn . ray, multiplied out, which is faster
+        # with ray = cloud - points and turn = facing - normals: |turn|^2 and turn . ray, multiplied out to be faster
         there = facing[index]
         turn_square = facing_square[index] + _dot(normals, normals)[:, None] - 2.0 * _each(there, normals)
         rise = (
