@@ -17,7 +17,7 @@ from torch import Tensor
 from svbrdfgan.types import CHANNELS
 from svbrdfgan_warp import deferred_kernels
 from svbrdfgan_warp.deferred_kernels import REDRAWS
-from svbrdfgan_warp.device import in_order, launch
+from svbrdfgan_warp.device import in_order, launch, upload
 from svbrdfgan_warp.stored_light import StoredLight
 
 
@@ -102,7 +102,7 @@ class ShadingPass:
         """The first hit and the first texture of each view."""
         counts = [(len(light.hits), light.textures) for light in self.lights]
         first = np.cumsum([(0, 0), *counts[:-1]], axis=0, dtype=np.int32)
-        return torch.from_numpy(first).to(self.device)
+        return upload(torch.from_numpy(first), self.device)
 
     @cached_property
     def _textures(self) -> deferred_kernels.Textures:

@@ -6,11 +6,13 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import lru_cache
 from itertools import chain, islice
 from typing import Any, TypeVar
 
 import torch
 import warp as wp
+from torch import Tensor
 
 from svbrdfgan.errors import ConfigError
 
@@ -55,7 +57,24 @@ def choose_device(name: str) -> torch.device:
 
 def stream(device: torch.device) -> wp.Stream | None:
     """The current CUDA stream of torch; None on the CPU."""
-    return wp.stream_from_torch(torch.cuda.current_stream(device)) if device.type == "cuda" else None
+    return _stream(torch.cuda.current_stream(device)) if device.type == "cuda" else None
+
+
+@lru_cache(maxsize=16)
+def _stream(current: torch.cuda.Stream) -> wp.Stream:
+    return wp.stream_from_torch(current)
+
+
+def upload(tensor: Tensor, device: torch.device) -> Tensor:
+    """The tensor on the device; the caller does not wait for a copy to CUDA, which torch's current stream makes."""
+    if device.type == "cuda" and tensor.device.type == "cpu":
+        return tensor.pin_memory().to(device, non_blocking=True)
+    return tensor.to(device)
+
+
+def argument(tensor: Tensor, dtype: Any = None) -> Any:
+    """The tensor as kernels take it, but not structs: faster than an array, since Warp does not check it again."""
+    return wp.from_torch(tensor, dtype, return_ctype=True)
 
 
 def launch(kernel: wp.Kernel, threads: int | tuple[int, int], arguments: Sequence[Any], device: torch.device) -> None:

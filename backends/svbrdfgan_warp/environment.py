@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate, islice
 from typing import Any
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 import warp as wp
@@ -26,11 +27,20 @@ _PIXELS = 2**24
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """An emitter, a copy of its radiance, and the tensor that was last copied or found equal."""
+    """An emitter, a copy of its radiance where that was given, and the tensor that was last copied or found equal."""
 
     radiance: Float[Tensor, "rows cols 3"]
     emitter: EnvironmentEmitter
     source: weakref.ref[Tensor]
+
+    def shows(self, radiance: Float[Tensor, "rows cols 3"]) -> bool:
+        """Whether that is the same light. This waits for a GPU if both are there; others are not looked at."""
+        own = self.radiance
+        if own.device != radiance.device or own.shape != radiance.shape:
+            return False
+        if own.is_cuda:
+            return torch.equal(own, radiance)
+        return np.array_equal(own.numpy(), radiance.numpy())  # in a third of the time of torch's
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +57,14 @@ class EmitterCache:
     def emitter(self, environment: Environment) -> EnvironmentEmitter:
         """The environment as kernels read it."""
         given, before = environment.radiance, tuple(self.entries)
-        radiance = given.detach().to(self.device, torch.float32)
+        radiance = given.detach()
         # The same tensor's entry comes first, and is compared like the others: torch does not see every write into it.
         likely = sorted(before, key=lambda entry: entry.source() is not given)
-        same = next((entry for entry in likely if torch.equal(entry.radiance, radiance)), None)
-        values = (same.radiance, same.emitter) if same else (radiance.clone(), _tables(radiance))
+        same = next((entry for entry in likely if entry.shows(radiance)), None)
+        if same is None:
+            values = radiance.clone(), _tables(radiance.to(self.device, torch.float32))
+        else:
+            values = same.radiance, same.emitter
         first = _Entry(*values, weakref.ref(given))
         # One slice assignment, which is atomic: other threads see the old list or the new one.
         self.entries[:] = _fitting([first, *(entry for entry in before if entry is not same)])

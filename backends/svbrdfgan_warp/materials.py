@@ -14,6 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.types import CHANNELS, Materials
 from svbrdfgan_warp import material_kernels, texture_kernels
+from svbrdfgan_warp.device import upload
 
 _NEUTRAL = {"base_color": (0.0, 0.0, 0.0), "roughness": (1.0,), "metallic": (0.0,), "normal": (0.0, 0.0, 1.0)}
 """The texel that stands for a map that a part lacks. Only that of `metallic` is ever used."""
@@ -49,7 +50,7 @@ class PackedMaps:
         numbers = torch.cat([torch.tensor(layouts).flatten(), torch.tensor(has).flatten()]).int()
         neutral = torch.tensor([value for name in CHANNELS for value in _NEUTRAL[name]], dtype=torch.float32)
         # One copy instead of a dozen: at few samples a picture's time is that of such calls.
-        numbers = torch.cat([numbers, neutral.view(torch.int32)]).to(device)
+        numbers = upload(torch.cat([numbers, neutral.view(torch.int32)]), device)
         layout, has_map, bits = numbers.split([3 * names * parts, names * parts, len(neutral)])
         first = bits.view(torch.float32).split([len(_NEUTRAL[name]) for name in CHANNELS])
         texels = {name: _joined(materials, name, one) for name, one in zip(CHANNELS, first, strict=True)}
@@ -106,7 +107,7 @@ def as_array(tensor: Float[Tensor, "*shape"]) -> Any:
 def _joined(materials: Materials, name: str, neutral: Float[Tensor, " channels"]) -> Float[Tensor, "*texels"]:
     channels = CHANNELS[name]
     maps = [material.maps[name].detach() for material in materials.parts if name in material.maps]
-    given = [each.to(neutral.device, torch.float32).reshape(-1, channels) for each in maps]
+    given = [upload(each, neutral.device).to(torch.float32).reshape(-1, channels) for each in maps]
     joined = torch.cat([neutral[None], *given])
     return joined if channels > 1 else joined.squeeze(1)
 

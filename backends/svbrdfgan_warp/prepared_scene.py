@@ -14,13 +14,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from torch import Tensor
 
-from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface, TransportSamples, View
 from svbrdfgan_warp import alpha_kernels, emitter, texture_kernels, trace_kernels
 from svbrdfgan_warp.alpha_kernels import AlphaMaps
-from svbrdfgan_warp.bvh import build_bvh
-from svbrdfgan_warp.device import launch, quiet
+from svbrdfgan_warp.device import argument, launch, quiet
 from svbrdfgan_warp.frame import TangentSpace
+from svbrdfgan_warp.shapes import Shape, ShapeCache, on_device
 
 CHUNK = {"cpu": 2**15, "cuda": 2**24}
 """Camera samples traced at a time. A record takes 24 bytes, and 24 more with its light samples."""
@@ -32,12 +31,14 @@ class PreparedSurface:
 
     Attributes:
         geometry: what the kernels read.
+        shape: what other surfaces may share of it.
         centre: middle of the bounding box, in the surface's own coordinates.
         surface: as it was given.
         alpha: of the parts; None if all are opaque.
     """
 
     geometry: trace_kernels.Geometry
+    shape: Shape
     centre: Float[ndarray, 3]
     device: torch.device
     surface: Surface
@@ -46,46 +47,31 @@ class PreparedSurface:
     @cached_property
     def tangent_space(self) -> TangentSpace:
         """The tangents of normal maps, computed when first used: most scenes need none."""
-        tangents, result = corner_tangents(self.surface), cast(Any, TangentSpace())
-        direction, handedness = (
-            torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32)).to(self.device)
-            for values in (tangents.direction, tangents.handedness)
-        )
-        result.tangents, result.handedness = wp.from_torch(direction, wp.vec3), wp.from_torch(handedness)
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)  # a later caller may render in another stream
-        return cast(TangentSpace, result)
+        return self.shape.tangent_space(self.surface)
 
 
-def prepare(surface: Surface, device: torch.device) -> PreparedSurface:
+def prepare(surface: Surface, device: torch.device, shapes: ShapeCache) -> PreparedSurface:
     """The surface on `device`, ready for use in any CUDA stream."""
     used = np.zeros(len(surface.positions), dtype=bool)
     used[surface.faces] = True
     low, high = (bound(surface.positions[used], axis=0) for bound in (np.min, np.max))
     centre = (low + high) / 2
-
-    def floats(values: ndarray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32)).to(device)
-
-    def integers(values: ndarray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(values.reshape(-1), dtype=np.int32)).to(device)
-
-    points, corners = floats(surface.positions - centre), integers(surface.faces)
-    geometry: Any = trace_kernels.Geometry()
     with quiet():
         for module in (trace_kernels, texture_kernels):
             wp.load_module(module, device=wp.device_from_torch(device))
-        geometry.nodes, geometry.triangles = build_bvh(points, corners)
+    shape = shapes.shape(surface, centre)
+    geometry: Any = trace_kernels.Geometry()
+    geometry.nodes, geometry.triangles = shape.nodes, shape.triangles
     geometry.radius = float(np.linalg.norm(high - low)) / 2
-    geometry.points, geometry.corners = wp.from_torch(points, wp.vec3), wp.from_torch(corners)
-    geometry.normals = wp.from_torch(floats(surface.normals), wp.vec3)
-    geometry.uv = wp.from_torch(floats(surface.uv), wp.vec2)
-    geometry.face_part = wp.from_torch(integers(surface.face_part))
+    geometry.points, geometry.corners = wp.from_torch(shape.points, wp.vec3), wp.from_torch(shape.corners)
+    geometry.normals = wp.from_torch(shape.normals, wp.vec3)
+    geometry.uv = wp.from_torch(on_device(surface.uv, np.float32, device), wp.vec2)
+    geometry.face_part = wp.from_torch(on_device(surface.face_part, np.int32, device))
     opaque = all(part.opaque for part in surface.parts)
     alpha = None if opaque else _alpha_maps(surface, geometry, device)
     if device.type == "cuda":
         torch.cuda.synchronize(device)  # the caller may render in another stream than this one
-    return PreparedSurface(geometry, centre, device, surface, alpha)
+    return PreparedSurface(geometry, shape, centre, device, surface, alpha)
 
 
 def _alpha_maps(surface: Surface, geometry: trace_kernels.Geometry, device: torch.device) -> AlphaMaps:
@@ -177,11 +163,11 @@ class SampleRecords:
 
     def arguments(self) -> tuple[Any, ...]:
         """The records without light samples, as kernels take them."""
-        return *self.hits(), wp.from_torch(self.weight, dtype=wp.vec3)
+        return *self.hits(), argument(self.weight, wp.vec3)
 
     def hits(self) -> tuple[Any, ...]:
         """Samples, part and uv, as kernels take them."""
-        return self.chunk.argument(), wp.from_torch(self.part), wp.from_torch(self.uv, dtype=wp.vec2)
+        return self.chunk.argument(), argument(self.part), argument(self.uv, wp.vec2)
 
     def transport(self) -> TransportSamples:
         """The records of the samples that hit the surface."""
@@ -207,7 +193,7 @@ class Tracer:
         records = SampleRecords(chunk, part, uv, weight, kept)
         scene = (self.surface.geometry, self.camera)
         launch(trace_kernels.find_hits, len(chunk), (*scene, *records.hits()), device)
-        light_samples = wp.from_torch(kept, dtype=wp.vec3)
+        light_samples = argument(kept, wp.vec3)
         given = (*scene, self.emitter, *records.arguments(), light_samples)
         launch(trace_kernels.illuminate_hits, len(chunk), given, device)
         return records

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import torch
@@ -13,7 +14,7 @@ from torch import Tensor
 
 from svbrdfgan.types import Gradients, Materials, Rendering, View
 from svbrdfgan_warp import texture_kernels
-from svbrdfgan_warp.device import in_order, launch
+from svbrdfgan_warp.device import argument, in_order, launch, upload
 from svbrdfgan_warp.prepared_scene import FilmChunk, SampleRecords, Tracer
 
 KEPT = {"cpu": 2**22, "cuda": 2**26}
@@ -44,7 +45,8 @@ class RenderPass:
     ) -> RenderPass:
         """The pass that renders these materials."""
         surface = tracer.surface
-        atlas = _atlas(materials, surface.surface.repeat, surface.device)
+        sizes = tuple(tuple(material.base_color.shape[:-1] or (1, 1)) for material in materials.parts)
+        atlas = _atlas(sizes, surface.surface.repeat, surface.device)
         return cls(tracer, view, chunks, materials, atlas, _packed(materials, surface.device))
 
     def forward(self, *, keep: bool = False) -> Rendering:
@@ -52,7 +54,7 @@ class RenderPass:
         device, height, width = self.texels.device, self.view.height, self.view.width
         image = torch.empty(height * width, 3, dtype=torch.float32, device=device)
         coverage = torch.empty(height * width, dtype=torch.float32, device=device)
-        texels, results = wp.from_torch(self.texels, wp.vec3), (wp.from_torch(image, wp.vec3), wp.from_torch(coverage))
+        texels, results = argument(self.texels, wp.vec3), (argument(image, wp.vec3), argument(coverage))
 
         def render(chunk: FilmChunk) -> SampleRecords:
             records = self.tracer(chunk)
@@ -115,16 +117,16 @@ class GradientAccumulator:
 
     def add(self, records: SampleRecords) -> None:
         """Adds the gradients that pass through these samples."""
-        device, count, grad_image = self.texels.device, len(records.chunk), wp.from_torch(self.grad_image, wp.vec3)
+        device, count, grad_image = self.texels.device, len(records.chunk), argument(self.grad_image, wp.vec3)
         if self.grad_texels is not None:
-            sums = wp.from_torch(self.grad_texels, wp.vec3d)
+            sums = argument(self.grad_texels, wp.vec3d)
             samples, *hits = records.arguments()
             threads = -(-count // texture_kernels.RECORDS_PER_THREAD)
             given = (self.atlas, samples, count, *hits, grad_image, sums)
             launch(texture_kernels.scatter_texels, threads, given, device)
         if self.grad_radiance is not None:
-            light_samples, texels = (wp.from_torch(tensor, wp.vec3) for tensor in (records.light_samples, self.texels))
-            sums = wp.from_torch(self.grad_radiance, wp.vec3d)
+            light_samples, texels = (argument(tensor, wp.vec3) for tensor in (records.light_samples, self.texels))
+            sums = argument(self.grad_radiance, wp.vec3d)
             given = (self.atlas, *records.hits(), light_samples, texels, grad_image, sums)
             launch(texture_kernels.scatter_radiance, count, given, device)
 
@@ -137,11 +139,11 @@ class GradientAccumulator:
         return Gradients(tuple({"base_color": piece} for piece in pieces), environment)
 
 
-def _atlas(materials: Materials, repeat: tuple[bool, bool], device: torch.device) -> texture_kernels.Atlas:
+@lru_cache(maxsize=64)
+def _atlas(sizes: tuple[tuple[int, int], ...], repeat: tuple[bool, bool], device: torch.device) -> Any:
     """The first texel of each part in `_packed`, and its rows and columns; a constant is one texel."""
     layout, begin = [], 0
-    for material in materials.parts:
-        rows, cols = material.base_color.shape[:-1] or (1, 1)
+    for rows, cols in sizes:
         layout.append((begin, rows, cols))
         begin += rows * cols
     result: Any = texture_kernels.Atlas()
@@ -152,8 +154,8 @@ def _atlas(materials: Materials, repeat: tuple[bool, bool], device: torch.device
 
 def _packed(materials: Materials, device: torch.device) -> Float[Tensor, "texels 3"]:
     """The base colours of all parts in one array, part by part and row by row: one kernel serves every scene."""
-    maps = [material.base_color.detach().to(device, torch.float32).reshape(-1, 3) for material in materials.parts]
-    return torch.cat(maps)
+    colors = (upload(material.base_color.detach(), device) for material in materials.parts)
+    return torch.cat([color.to(torch.float32).reshape(-1, 3) for color in colors])
 
 
 def _unpacked(texels: Float[Tensor, "texels 3"], materials: Materials) -> list[Float[Tensor, ...]]:

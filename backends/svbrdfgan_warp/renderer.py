@@ -22,6 +22,7 @@ from svbrdfgan_warp.material_pass import MaterialPass
 from svbrdfgan_warp.materials import linear_in_base_color
 from svbrdfgan_warp.prepared_scene import PreparedSurface, Tracer, film_chunks, prepare, prepare_camera
 from svbrdfgan_warp.render_pass import RenderPass
+from svbrdfgan_warp.shapes import ShapeCache
 from svbrdfgan_warp.stored_light import StoredLight, store_light
 
 CAPABILITIES = RendererCapabilities(
@@ -47,6 +48,7 @@ class WarpRenderer:
 
     device: torch.device
     _emitters: EmitterCache = field(compare=False, repr=False)
+    _shapes: ShapeCache = field(compare=False, repr=False)
 
     def __init__(self, device: str = "auto") -> None:
         """A renderer on `device`: "auto" (CUDA where there is one), "cpu", "cuda" or "cuda:N".
@@ -56,6 +58,7 @@ class WarpRenderer:
         """
         object.__setattr__(self, "device", choose_device(device))
         object.__setattr__(self, "_emitters", EmitterCache(self.device))
+        object.__setattr__(self, "_shapes", ShapeCache(self.device))
 
     def __reduce__(self) -> tuple[type[WarpRenderer], tuple[str]]:
         return WarpRenderer, (str(self.device),)
@@ -65,8 +68,11 @@ class WarpRenderer:
         return CAPABILITIES
 
     def prepare(self, surface: Surface) -> PreparedSurface:
-        """The surface and its BVH. The first call in a process loads or compiles the kernels."""
-        return prepare(surface, self.device)
+        """The surface and its BVH, which it shares with prepared surfaces that differ in UVs or parts alone.
+
+        The first call in a process loads or compiles the kernels.
+        """
+        return prepare(surface, self.device, self._shapes)
 
     def render(self, prepared: PreparedSurface, materials: Materials, view: View, *, spp: int, seed: int) -> Rendering:
         """The picture; unbiased. Beyond the picture and the inputs, memory holds only a few chunks of the film."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count
@@ -42,7 +43,7 @@ def measure(renderer: CheckedRenderer, scene: BenchScene, spp: int, batch: int, 
     textures = [scene.textures(renderer.device) for _ in range(batch)]
     inputs = [values.requires_grad_() for each in textures for values in each.values()]
     layer, meter = RenderLayer(renderer, spp), Meter(renderer.device, repeats)
-    prepared = meter.step("prepare", lambda: renderer.prepare(surface))
+    prepared = meter.step("prepare", lambda: _unused(renderer).prepare(surface))
 
     def fresh() -> Tensor:
         materials = [scene.materials(each) for each in textures]
@@ -78,6 +79,11 @@ def measure(renderer: CheckedRenderer, scene: BenchScene, spp: int, batch: int, 
         )
         _both_passes(meter, "stored_", deferred, [values])
     return meter
+
+
+def _unused(renderer: CheckedRenderer) -> CheckedRenderer:
+    """Its like, which has prepared nothing: a renderer may share what it made of a surface before."""
+    return replace(renderer, plugin=copy.copy(renderer.plugin))
 
 
 def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textures: Sequence[Tensor]) -> None:

@@ -51,7 +51,7 @@ def corner_tangents(surface: Surface) -> Tangents:
     right-handed if there are both; where a vertex has none, any direction perpendicular to its normal serves.
     """
     faces, normals = surface.faces, surface.normals[surface.faces]
-    uv = surface.uv[faces]
+    uv = (surface.uv if surface.whole_uv is None else surface.whole_uv)[faces]
     area = uv_areas(uv)
     has_area = abs(area) > 1e-30
     handedness = np.where(has_area & (area < 0.0), -1.0, 1.0)

@@ -35,7 +35,7 @@ def save_subject(path: Path, subject: Subject, whole: Surface | None = None) -> 
     surface, buffer, surface_parts = _tensors(subject.surface), _tensors(subject.buffer), subject.surface.parts
     if whole is not None:
         shared = _tensors(whole)
-        surface = {name: own for name, own in surface.items() if not torch.equal(own, shared[name])}
+        surface = {name: own for name, own in surface.items() if name in shared and not torch.equal(own, shared[name])}
     tensors = {f"surface.{k}": v for k, v in surface.items()} | {f"buffer.{k}": v for k, v in buffer.items()}
     tensors |= {f"base.{part}": base for part, base in enumerate(subject.base)}
     for part, maps in enumerate(subject.file_maps):
@@ -66,7 +66,8 @@ def load_subject(path: Path, side: int, whole: Surface | None = None) -> Subject
         )
         shared = {} if whole is None else _arrays(whole)
         arrays = shared | {k: v.numpy() for k, v in _under("surface.", tensors).items()}
-        surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]))
+        whole_uv = None if whole is None else whole.uv
+        surface = Surface(**arrays, parts=parts, repeat=tuple(header["repeat"]), whole_uv=whole_uv)
         buffer = GeometryBuffer(**_like(GeometryBuffer, _under("buffer.", tensors)))
         base = tuple(tensors[f"base.{part}"] for part in range(len(parts)))
         maps = [_under(f"file.{part}.", tensors) for part in range(len(parts))] if header.get("file_maps") else []

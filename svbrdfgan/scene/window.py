@@ -73,7 +73,7 @@ def find_window(
 def windowed(surface: Surface, window: Window, texture: int) -> Surface:
     """The surface with UVs in which the window is the unit square; what lies outside has UVs outside."""
     moved = (surface.uv * texture - (window.col, window.row)) / window.size
-    return replace(surface, uv=moved, repeat=(False, False))
+    return replace(surface, uv=moved, repeat=(False, False), whole_uv=surface.uv)
 
 
 def place_in_whole(surface: Surface, whole: Surface, share: float) -> tuple[float, float, float, float]:

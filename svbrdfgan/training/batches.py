@@ -256,6 +256,7 @@ def make_scenes(
             pool,
             device,
             seed,
+            shows_gbuffer=config.discriminator.gbuffer,
             shows_light=config.discriminator.light_buffer,
             shows_clean=config.discriminator.clean_picture,
             cache_bytes=cache_bytes,

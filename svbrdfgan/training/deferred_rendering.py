@@ -50,8 +50,9 @@ class DeferredScene:
         lit: that of the learnable parts without a layer, with little noise, by other samples than `clean`; None if
             pictures keep their noise.
         coverage: share of each pixel that shows the surface.
-        gbuffer: position and normal of the learnable parts, premultiplied; half precision.
-        light_buffer: see `ReferencePictures.light_buffer`; None if the discriminator is not shown it.
+        gbuffer: position and normal of the learnable parts, premultiplied; half precision; None if the discriminator
+            is not shown it.
+        light_buffer: see `ReferencePictures.light_buffer`; likewise.
         clean: see `ReferencePictures.clean`; likewise.
         base: the maps under the layer, for each learnable part.
     """
@@ -60,7 +61,7 @@ class DeferredScene:
     background: Float[Tensor, "height width 3"]
     lit: Float[Tensor, "height width 3"] | None
     coverage: Float[Tensor, "height width"]
-    gbuffer: Float[Tensor, "height width 6"]
+    gbuffer: Float[Tensor, "height width 6"] | None
     light_buffer: Float[Tensor, "height width 9"] | None
     clean: Float[Tensor, "height width 3"] | None
     base: Float[Tensor, "parts *#size values"]
@@ -154,7 +155,8 @@ class DeferredRendering:
         pool: scenes stored for each exemplar. With 0 every visit traces a new scene; surfaces stay prepared.
         device: where layers are.
         seed: of the perturbations.
-        shows_light: whether the discriminator is shown a light buffer.
+        shows_gbuffer: whether the discriminator is shown a G-buffer.
+        shows_light: whether it is shown a light buffer.
         shows_clean: whether it is shown clean pictures.
         cache_bytes: memory for stored scenes; None takes half of the device's, and 0 keeps only the last one.
         clean_spp: samples per pixel of clean pictures, by whose ratio to ones of the same samples pictures are
@@ -169,6 +171,7 @@ class DeferredRendering:
     pool: int
     device: torch.device
     seed: int = 0
+    shows_gbuffer: bool = True
     shows_light: bool = False
     shows_clean: bool = False
     cache_bytes: int | None = None
@@ -260,7 +263,7 @@ class DeferredRendering:
             background=beside.image.to(self.device),
             lit=lit,
             coverage=beside.coverage.to(self.device),
-            gbuffer=shown.gbuffer().half().to(self.device),
+            gbuffer=shown.gbuffer().half().to(self.device) if self.shows_gbuffer else None,
             light_buffer=shown.light_buffer().to(self.device) if self.shows_light else None,
             clean=shown.clean().to(self.device) if self.shows_clean else None,
             base=_stacked([shown.bare[part] for part in subject.learnable], self.maps).to(self.device),

@@ -162,6 +162,8 @@ class Surface:
         source_face: face of the mesh that each face lies in.
         source_barycentric: barycentric coordinates, in that face, of each of the three corners.
         repeat: whether textures repeat beyond the unit square in u and in v, instead of clamping.
+        whole_uv: of a window, the texture coordinates over the whole map, which tangents follow, so that all windows
+            of a map have the same; None where `uv` is that.
 
     Raises:
         AssetError: shapes that do not fit together, or values that are not finite.
@@ -177,6 +179,7 @@ class Surface:
     source_face: Int[ndarray, " faces"]
     source_barycentric: Float[ndarray, "faces 3 3"]
     repeat: tuple[bool, bool] = (False, False)
+    whole_uv: Float[ndarray, "vertices 2"] | None = None
 
     def __post_init__(self) -> None:
         _check_triangles("surface", self.positions, self.faces, self.face_part, self.parts)
@@ -186,6 +189,8 @@ class Surface:
         _check_array("surface elevation", self.elevation, (vertices,))
         _check_array("surface source_face", self.source_face, (faces,))
         _check_array("surface source_barycentric", self.source_barycentric, (faces, 3, 3))
+        if self.whole_uv is not None:
+            _check_array("surface whole_uv", self.whole_uv, (vertices, 2))
 
 
 def _check_array(what: str, array: ndarray, shape: tuple[int, ...]) -> None:

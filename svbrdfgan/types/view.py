@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,7 @@ class Camera:
         sight = np.subtract(self.target, self.origin)
         if not np.isfinite([*self.origin, *self.target, *self.up]).all():
             raise ConfigError("camera origin, target and up must be finite.")
-        if np.linalg.norm(np.cross(sight, self.up)) < 1e-12 * max(1.0, float(np.linalg.norm(sight))):
+        if np.linalg.norm(_cross(sight, self.up)) < 1e-12 * max(1.0, float(np.linalg.norm(sight))):
             raise ConfigError(f"camera at {self.origin} looking to {self.target} with up {self.up} has no orientation.")
         if not 0.0 < self.vertical_fov < math.pi:
             raise ConfigError(f"camera vertical_fov is {self.vertical_fov}; wanted radians between 0 and pi.")
@@ -60,9 +61,9 @@ class Camera:
         """Rows: unit vectors to the right of the image, to its top, and backward (the camera looks down its -Z)."""
         backward = np.subtract(self.origin, self.target)
         backward = backward / np.linalg.norm(backward)
-        right = np.cross(self.up, backward)
+        right = _cross(self.up, backward)
         right = right / np.linalg.norm(right)
-        return np.stack([right, np.cross(backward, right), backward])
+        return np.stack([right, _cross(backward, right), backward])
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,3 +98,10 @@ class View:
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
             raise ConfigError(f"film is {self.width} x {self.height} pixels; wanted at least 1 x 1.")
+
+
+def _cross(a: Sequence[float] | Float[ndarray, 3], b: Sequence[float] | Float[ndarray, 3]) -> Float[ndarray, 3]:
+    """`np.cross` of two vectors, in a tenth of its time: renderers ask for a camera's basis with each picture."""
+    ax, ay, az = map(float, a)
+    bx, by, bz = map(float, b)
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

@@ -204,7 +204,8 @@ def test_buffers_are_of_the_first_stored_scene(source: BatchSource, rendering: D
     assert torch.equal(source.real.gbuffer[2].float(), gbuffer)
     assert source.real.clean is not None
     assert torch.equal(source.real.clean[2].float(), clean)
-    assert buffers(replace(rendering, shows_light=False, shows_clean=False), 2)[1:] == (None, None)
+    unseen = replace(rendering, shows_gbuffer=False, shows_light=False, shows_clean=False).first_scenes([2])
+    assert (unseen.gbuffer, unseen.light_buffer, unseen.clean) == (None, None, None)
 
 
 def test_scenes_that_do_not_match_carry_their_own_buffers(rendering: DeferredRendering) -> None:
