@@ -13,7 +13,7 @@ from torch import Tensor
 from svbrdfgan_warp import alpha_kernels, emitter, material_kernels, trace_kernels
 from svbrdfgan_warp.device import launch
 from svbrdfgan_warp.frame import TangentSpace
-from svbrdfgan_warp.prepared_scene import FilmChunk, PreparedSurface, SampleRecords
+from svbrdfgan_warp.prepared_scene import FilmChunk, PreparedSurface, SampleRecords, find_hits
 
 CHUNK = {"cpu": 2**15, "cuda": 2**22}
 """Camera samples at a time. A record takes 36 bytes, its radiance 12, and its gradients up to 56."""
@@ -78,11 +78,10 @@ class LightTracer:
         records = LightRecords.empty(chunk, device)
         argument = records.argument()
         traced: tuple[Any, ...] = (geometry,)
-        find_hits, trace_shadows = trace_kernels.find_hits, material_kernels.trace_shadows
+        trace_shadows = material_kernels.trace_shadows
         if self.surface.alpha is not None:
-            traced = geometry, self.surface.alpha
-            find_hits, trace_shadows = alpha_kernels.find_hits_through, alpha_kernels.trace_shadows_through
-        launch(find_hits, len(chunk), (*traced, self.camera, *records.hits()), device)
+            traced, trace_shadows = (geometry, self.surface.alpha), alpha_kernels.trace_shadows_through
+        find_hits(self.surface, self.camera, chunk, records.hits())
         launch(material_kernels.draw_light, len(chunk), (*self.scene(), maps, self.dark, argument), device)
         launch(trace_shadows, 2 * len(chunk), (*traced, self.emitter, argument), device)
         return records

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from svbrdfgan.types import Surface, TransportSamples, View
-from svbrdfgan_warp import alpha_kernels, emitter, texture_kernels, trace_kernels
+from svbrdfgan_warp import alpha_kernels, emitter, rng, texture_kernels, trace_kernels
 from svbrdfgan_warp.alpha_kernels import AlphaMaps
 from svbrdfgan_warp.device import argument, launch, quiet
 from svbrdfgan_warp.frame import TangentSpace
@@ -142,6 +142,19 @@ def film_chunks(view: View, spp: int, seed: int, most: int) -> Iterator[FilmChun
         yield FilmChunk(first, min(size, film - first), spp, seed)
 
 
+@lru_cache(maxsize=16)
+def by_height(spp: int, device: torch.device) -> Any:
+    """The samples of a pixel in the order of their height in it, as kernels take them.
+
+    Threads that run together then trace rays that pass close to each other: samples of consecutive numbers are spread
+    over the pixel (`rng.numbers`).
+    """
+    number = np.arange(spp, dtype=np.uint32)
+    reversed_bits = np.bitwise_or.reduce([(number >> bit & 1) << (31 - bit) for bit in range(32)])
+    height = reversed_bits * np.uint32(rng.LATTICE_U[1])
+    return wp.from_torch(on_device(height.argsort(), np.int32, device))
+
+
 @dataclass(frozen=True, eq=False)
 class SampleRecords:
     """The hits of a chunk's camera samples, pixel by pixel, and the light there.
@@ -176,6 +189,19 @@ class SampleRecords:
         return TransportSamples(pixel, self.part[index].long(), self.uv[index], self.weight[index])
 
 
+def find_hits(
+    surface: PreparedSurface, camera: trace_kernels.PreparedCamera, chunk: FilmChunk, records: tuple[Any, ...]
+) -> None:
+    """Stores the hits of a chunk's camera samples, on parts that are there, in the records' faces and barycentrics."""
+    geometry = surface.geometry
+    if surface.alpha is None:
+        order = by_height(chunk.spp, surface.device)
+        launch(trace_kernels.find_hits, len(chunk), (geometry, camera, *records, order), surface.device)
+    else:
+        given = (geometry, surface.alpha, camera, *records)
+        launch(alpha_kernels.find_hits_through, len(chunk), given, surface.device)
+
+
 @dataclass(frozen=True, eq=False)
 class Tracer:
     """Traces chunks of a view's film, with light samples if asked to. Several threads may call it at once."""
@@ -191,9 +217,8 @@ class Tracer:
         uv, weight = (torch.empty(len(chunk), n, dtype=torch.float32, device=device) for n in (2, 3))
         kept = torch.empty(len(chunk) if self.light_samples else 0, 2, 3, dtype=torch.float32, device=device)
         records = SampleRecords(chunk, part, uv, weight, kept)
-        scene = (self.surface.geometry, self.camera)
-        launch(trace_kernels.find_hits, len(chunk), (*scene, *records.hits()), device)
-        light_samples = argument(kept, wp.vec3)
-        given = (*scene, self.emitter, *records.arguments(), light_samples)
+        find_hits(self.surface, self.camera, chunk, records.hits())
+        light_samples, order = argument(kept, wp.vec3), by_height(chunk.spp, device)
+        given = (self.surface.geometry, self.camera, self.emitter, *records.arguments(), light_samples, order)
         launch(trace_kernels.illuminate_hits, len(chunk), given, device)
         return records

@@ -14,11 +14,11 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from svbrdfgan.types import View
-from svbrdfgan_warp import alpha_kernels, deferred_kernels, light_records, trace_kernels
+from svbrdfgan_warp import deferred_kernels, light_records
 from svbrdfgan_warp.deferred_kernels import REDRAWS
-from svbrdfgan_warp.device import in_order, launch, quiet
+from svbrdfgan_warp.device import in_order, quiet
 from svbrdfgan_warp.emitter import EnvironmentEmitter
-from svbrdfgan_warp.prepared_scene import FilmChunk, PreparedSurface, film_chunks, prepare_camera
+from svbrdfgan_warp.prepared_scene import FilmChunk, PreparedSurface, film_chunks, find_hits, prepare_camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +117,7 @@ def store_light(
         face = torch.empty(len(chunk), dtype=torch.int32, device=device)
         at = torch.empty(len(chunk), 2, dtype=torch.float32, device=device)
         records = chunk.argument(), wp.from_torch(face), wp.from_torch(at, dtype=wp.vec2)
-        if surface.alpha is None:
-            launch(trace_kernels.find_hits, len(chunk), (surface.geometry, camera, *records), device)
-        else:
-            given = (surface.geometry, surface.alpha, camera, *records)
-            launch(alpha_kernels.find_hits_through, len(chunk), given, device)
+        find_hits(surface, camera, chunk, records)
         return face, at
 
     kept = [

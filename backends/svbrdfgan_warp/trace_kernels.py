@@ -92,6 +92,13 @@ def irradiance_weight(
 
 
 @wp.func
+def record_of(samples: SampleRange, order: wp.array(dtype=wp.int32), thread: int):
+    """The record that a thread makes, if the threads of a pixel take its samples in this order."""
+    sample = thread % samples.spp
+    return thread - sample + order[sample]
+
+
+@wp.func
 def camera_ray(camera: PreparedCamera, pixel: int, a: float, b: float):
     """The direction through a pixel, at (a, b) from its upper left corner."""
     x = (float(pixel % camera.width) + a) / float(camera.width) * 2.0 - 1.0
@@ -112,9 +119,13 @@ def find_hits(
     samples: SampleRange,
     part: wp.array(dtype=wp.int32),
     uv: wp.array(dtype=wp.vec2),
+    order: wp.array(dtype=wp.int32),
 ):
-    """The hit of each camera sample, for `illuminate_hits` to replace: its face in `part`, two barycentrics in `uv`."""
-    i = wp.tid()
+    """The hit of each camera sample, for `illuminate_hits` to replace: its face in `part`, two barycentrics in `uv`.
+
+    Threads take the samples of a pixel in `order`.
+    """
+    i = record_of(samples, order, wp.tid())
     pixel = samples.first + i / samples.spp
     u, _ = rng.numbers(pixel, i % samples.spp, samples.seed_low, samples.seed_high)
     d = camera_ray(camera, pixel, rng.unit(u[0]), rng.unit(u[1]))
@@ -133,14 +144,16 @@ def illuminate_hits(
     uv: wp.array(dtype=wp.vec2),
     weight: wp.array(dtype=wp.vec3),
     light_samples: wp.array2d(dtype=wp.vec3),
+    order: wp.array(dtype=wp.int32),
 ):
     """The records of the samples, from the hits of `find_hits`: part, uv, and irradiance / pi / spp.
 
     The irradiance is estimated from two directions, drawn by the emitter and by the cosine. `light_samples`, unless it
     is empty, receives for each direction its position in the environment and the factor of the radiance there. Where
-    the environment is black, a shadow ray is traced only if that factor is wanted.
+    the environment is black, a shadow ray is traced only if that factor is wanted. Threads take the samples of a pixel
+    in `order`.
     """
-    i = wp.tid()
+    i = record_of(samples, order, wp.tid())
     face = part[i]
     if face < 0:
         return
