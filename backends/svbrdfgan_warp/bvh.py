@@ -89,10 +89,11 @@ def _clustered(mesh: tuple[Any, Any], order: Int[Tensor, " triangles"], slack: f
     """
     device, node = order.device, len(order)
     tree, clusters = _BinaryTree.empty(node, device), order.int()
-    launch(bvh_kernels.bound_triangles, node, (*mesh, slack, tree.argument()), device)
+    argument = tree.argument()
+    launch(bvh_kernels.bound_triangles, node, (*mesh, slack, argument), device)
     while len(clusters) > 1:
         partner = torch.empty(len(clusters), dtype=torch.int64, device=device)
-        given = (wp.from_torch(clusters), tree.argument(), wp.from_torch(partner))
+        given = (wp.from_torch(clusters), argument, wp.from_torch(partner))
         launch(bvh_kernels.find_partners, len(clusters), given, device)
         index = torch.arange(len(clusters), device=device)
         mutual = partner[partner] == index
@@ -113,9 +114,9 @@ def _widened(tree: _BinaryTree) -> tuple[Int[Tensor, "nodes 20"], Int[Tensor, " 
     wide: Any = bvh_kernels.WideTree()
     wide.nodes, wide.sources = wp.from_torch(nodes.view(-1), wp.uint32), wp.from_torch(sources)
     wide.order, wide.counters = wp.from_torch(order), wp.from_torch(counters)
-    begin, end = 0, 1
+    argument, begin, end = tree.argument(), 0, 1
     while begin < end:
-        launch(bvh_kernels.widen, end - begin, (begin, n, tree.argument(), wide), device)
+        launch(bvh_kernels.widen, end - begin, (begin, n, argument, wide), device)
         begin, end = end, int(counters[0])
     return nodes[:end].clone(), order
 

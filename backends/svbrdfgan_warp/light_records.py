@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -42,14 +43,16 @@ class LightRecords:
         at = torch.empty(len(chunk), 2, dtype=torch.float32, device=device)
         return cls(chunk, face, at, torch.empty(len(chunk), 2, 3, dtype=torch.float32, device=device))
 
+    @cached_property
     def hits(self) -> tuple[Any, ...]:
         """Samples, face and barycentrics, as kernels take them."""
         return self.chunk.argument(), wp.from_torch(self.face), wp.from_torch(self.at, dtype=wp.vec2)
 
+    @cached_property
     def argument(self) -> material_kernels.Records:
         """The records as kernels take them."""
         result: Any = material_kernels.Records()
-        result.samples, result.face, result.at = self.hits()
+        result.samples, result.face, result.at = self.hits
         result.light = wp.from_torch(self.light, dtype=wp.vec3)
         return result
 
@@ -76,12 +79,12 @@ class LightTracer:
     def __call__(self, chunk: FilmChunk, maps: material_kernels.Maps) -> LightRecords:
         device, geometry = self.surface.device, self.surface.geometry
         records = LightRecords.empty(chunk, device)
-        argument = records.argument()
+        argument = records.argument
         traced: tuple[Any, ...] = (geometry,)
         trace_shadows = material_kernels.trace_shadows
         if self.surface.alpha is not None:
             traced, trace_shadows = (geometry, self.surface.alpha), alpha_kernels.trace_shadows_through
-        find_hits(self.surface, self.camera, chunk, records.hits())
+        find_hits(self.surface, self.camera, chunk, records.hits)
         launch(material_kernels.draw_light, len(chunk), (*self.scene(), maps, self.dark, argument), device)
         launch(trace_shadows, 2 * len(chunk), (*traced, self.emitter, argument), device)
         return records
@@ -92,6 +95,6 @@ class LightTracer:
         part = torch.empty(len(chunk), dtype=torch.int32, device=device)
         uv, weight = (torch.empty(len(chunk), n, dtype=torch.float32, device=device) for n in (2, 3))
         result = SampleRecords(chunk, part, uv, weight, records.light[:0])
-        given = (*self.scene(), records.argument(), *result.arguments()[1:])
+        given = (*self.scene(), records.argument, *result.arguments()[1:])
         launch(material_kernels.weigh, len(chunk), given, device)
         return result

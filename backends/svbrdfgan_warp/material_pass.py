@@ -13,9 +13,9 @@ from torch import Tensor
 
 from svbrdfgan.types import Gradients, Materials, Rendering, View
 from svbrdfgan_warp import material_kernels
-from svbrdfgan_warp.device import in_order, launch, quiet
+from svbrdfgan_warp.device import argument, in_order, launch, quiet
 from svbrdfgan_warp.light_records import LightRecords, LightTracer
-from svbrdfgan_warp.materials import PackedMaps, as_array
+from svbrdfgan_warp.materials import PackedMaps, as_array, vector_type
 from svbrdfgan_warp.prepared_scene import FilmChunk
 from svbrdfgan_warp.render_pass import KEPT
 
@@ -51,14 +51,14 @@ class MaterialPass:
         device, height, width = self.maps.device, self.view.height, self.view.width
         image = torch.empty(height * width, 3, dtype=torch.float32, device=device)
         coverage = torch.empty(height * width, dtype=torch.float32, device=device)
-        maps, results = self.maps.argument, (wp.from_torch(image, wp.vec3), wp.from_torch(coverage))
+        maps, results = self.maps.argument, (argument(image, wp.vec3), argument(coverage))
 
         def render(chunk: FilmChunk) -> LightRecords:
             records = self.tracer(chunk, maps)
-            radiance = wp.from_torch(torch.empty(len(chunk), 3, dtype=torch.float32, device=device), wp.vec3)
-            given = (*self.tracer.scene(), maps, records.argument(), radiance)
+            radiance = argument(torch.empty(len(chunk), 3, dtype=torch.float32, device=device), wp.vec3)
+            given = (*self.tracer.scene(), maps, records.argument, radiance)
             launch(material_kernels.shade, len(chunk), given, device)
-            samples, face, _ = records.hits()
+            samples, face, _ = records.hits
             launch(material_kernels.average, chunk.pixels, (samples, face, radiance, *results), device)
             return records
 
@@ -84,12 +84,12 @@ class MaterialPass:
     ) -> Iterator[RecordGradients]:
         """Yields the gradients of one chunk after the other; on the CPU, several are computed at once."""
         maps, device = self.maps.argument, self.maps.device
-        pixels = wp.from_torch(grad_image, wp.vec3)
+        pixels = argument(grad_image, wp.vec3)
 
         def differentiate(chunk: FilmChunk) -> RecordGradients:
             records = self.kept.get(chunk) or self.tracer(chunk, maps)
             result = RecordGradients.empty(records, self.maps, names, light)
-            given = (*self.tracer.scene(), maps, records.argument(), pixels, result.argument())
+            given = (*self.tracer.scene(), maps, records.argument, pixels, result.argument())
             launch(material_kernels.shade_vjp, len(chunk), given, device)
             return result
 
@@ -129,16 +129,17 @@ class RecordGradients:
 
         Only one thread may add: on the CPU, Warp's atomics are plain additions, and the order decides the last bits.
         """
-        records, device, maps = self.records.argument(), render_pass.maps.device, render_pass.maps
+        records, device, maps = self.records.argument, render_pass.maps.device, render_pass.maps
         count = len(self.records.chunk)
         threads = -(-count // material_kernels.RECORDS_PER_THREAD)
         for name, values in self.maps.items():
             kernel = material_kernels.scatter_colors if values.ndim == 2 else material_kernels.scatter_numbers
             geometry = render_pass.tracer.surface.geometry
-            given: tuple[Any, ...] = (geometry, maps.atlas(name), records, as_array(values), as_array(sums[name]))
+            arrays = (argument(each, vector_type(each)) for each in (values, sums[name]))
+            given: tuple[Any, ...] = (geometry, maps.atlases[name], records, *arrays)
             launch(kernel, threads, given, device)
         if light is not None:
-            given = (records, wp.from_torch(self.radiance, wp.vec3), wp.from_torch(light, wp.vec3d))
+            given = (records, argument(self.radiance, wp.vec3), argument(light, wp.vec3d))
             launch(material_kernels.scatter_light, count, given, device)
 
 

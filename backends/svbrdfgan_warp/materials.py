@@ -66,12 +66,16 @@ class PackedMaps:
     def device(self) -> torch.device:
         return self.has.device
 
-    def atlas(self, name: str) -> texture_kernels.Atlas:
-        """The places of a map's texels, as kernels take them."""
-        result: Any = texture_kernels.Atlas()
-        result.layout = wp.from_torch(self.layouts[name], dtype=wp.vec3i)
-        result.repeat_u, result.repeat_v = self.repeat
-        return result
+    @cached_property
+    def atlases(self) -> Mapping[str, texture_kernels.Atlas]:
+        """The places of each map's texels, as kernels take them."""
+        found = {}
+        for name, layout in self.layouts.items():
+            atlas: Any = texture_kernels.Atlas()
+            atlas.layout = wp.from_torch(layout, dtype=wp.vec3i)
+            atlas.repeat_u, atlas.repeat_v = self.repeat
+            found[name] = atlas
+        return found
 
     @cached_property
     def argument(self) -> Any:
@@ -79,7 +83,7 @@ class PackedMaps:
         result: Any = material_kernels.Maps()
         for name in CHANNELS:
             setattr(result, name, as_array(self.texels[name]))
-            setattr(result, f"{name}_atlas", self.atlas(name))
+            setattr(result, f"{name}_atlas", self.atlases[name])
         has = dict(zip(CHANNELS, self.has, strict=True))
         result.glossy, result.tilted = wp.from_torch(has["roughness"]), wp.from_torch(has["normal"])
         return result
@@ -99,9 +103,14 @@ class PackedMaps:
 
 def as_array(tensor: Float[Tensor, "*shape"]) -> Any:
     """A tensor of numbers, or of vectors where its last axis has three, in its own precision."""
+    return wp.from_torch(tensor, vector_type(tensor))
+
+
+def vector_type(tensor: Float[Tensor, "*shape"]) -> Any:
+    """The vectors that a tensor holds; None if it holds numbers."""
     if tensor.ndim == 1:
-        return wp.from_torch(tensor)
-    return wp.from_torch(tensor, dtype=wp.vec3d if tensor.dtype == torch.float64 else wp.vec3)
+        return None
+    return wp.vec3d if tensor.dtype == torch.float64 else wp.vec3
 
 
 def _joined(materials: Materials, name: str, neutral: Float[Tensor, " channels"]) -> Float[Tensor, "*texels"]:
