@@ -38,9 +38,9 @@ class _Entry:
         own = self.radiance
         if own.device != radiance.device or own.shape != radiance.shape:
             return False
-        if own.is_cuda:
-            return torch.equal(own, radiance)
-        return np.array_equal(own.numpy(), radiance.numpy())  # in a third of the time of torch's
+        if own.device.type == "cpu":
+            return np.array_equal(own.numpy(), radiance.numpy())  # in a third of the time of torch's
+        return torch.equal(own, radiance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +57,12 @@ class EmitterCache:
     def emitter(self, environment: Environment) -> EnvironmentEmitter:
         """The environment as kernels read it."""
         given, before = environment.radiance, tuple(self.entries)
-        radiance = given.detach()
+        radiance = given.detach().to(torch.float32)
         # The same tensor's entry comes first, and is compared like the others: torch does not see every write into it.
         likely = sorted(before, key=lambda entry: entry.source() is not given)
         same = next((entry for entry in likely if entry.shows(radiance)), None)
         if same is None:
-            values = radiance.clone(), _tables(radiance.to(self.device, torch.float32))
+            values = radiance.clone(), _tables(radiance.to(self.device))
         else:
             values = same.radiance, same.emitter
         first = _Entry(*values, weakref.ref(given))
