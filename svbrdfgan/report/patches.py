@@ -73,10 +73,11 @@ def judge(evaluated: Evaluated, discriminator: Discriminator, index: int) -> Pat
     """The logits of an exemplar, and of the generator's layer in the same scene with as many samples."""
     source, device = evaluated.source, evaluated.source.device
     layer, background = evaluated.learned(index), torch.full((1, 3), _GREY, device=device)
+    octaves = evaluated.config.train.discriminator.octaves
     with torch.no_grad():
         scenes = source.scenes([index], np.random.default_rng(0))
         pair = make_pair(source, [index], scenes, layer.values.unsqueeze(0).to(device))
-        real, fake = (discriminator(side.tone_mapped(background))[0].cpu() for side in pair)
+        real, fake = (discriminator(side.tone_mapped(background, octaves))[0].cpu() for side in pair)
     first, second = (display(side.image[0].cpu().float(), _GREY, side.coverage[0].cpu().float()) for side in pair)
     return PatchLogits(first, second, real, fake)
 

@@ -44,6 +44,14 @@ class DiscriminatorConfig(StrictModel):
         description="shows it how each picture differs from one of the same scene without the layer, which else it has "
         "to guess (with `rendering: online` or data sets with `maps`); needs base materials that are known",
     )
+    octaves: int = Field(
+        default=0,
+        ge=0,
+        le=6,
+        description="with `clean_picture`, shows it so many octaves of the difference, too, from the second finest on, "
+        "each at eight times its contrast: detail is faint beside the layer itself; an experiment, in which fakes must "
+        "have little noise (`hits` of 128 or more)",
+    )
     pixel_size: bool = Field(
         default=False,
         description="shows it how large a pixel is on the surface, for data sets in which [close-ups](commands.md"
@@ -60,6 +68,12 @@ class DiscriminatorConfig(StrictModel):
         "into the exemplar's camera, without noise; `auto`: `radiance` if every fake has its exemplar's own scene and "
         "`spp` and was not imported, with `rendering: online`, or if the data set has `maps`; else `reflectance`",
     )
+
+    @model_validator(mode="after")
+    def _possible(self) -> DiscriminatorConfig:
+        if self.octaves and not self.clean_picture:
+            raise ValueError("octaves are those of the difference to a clean picture; clean_picture: true shows it one")
+        return self
 
     @property
     def shows_buffers(self) -> bool:

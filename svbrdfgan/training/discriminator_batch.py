@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from numpy import ndarray
 from torch import Tensor
@@ -19,6 +20,8 @@ from svbrdfgan.utils.copy_async import copy_async
 Pictures = Float[Tensor, "batch channels height width"]
 
 _CONTRAST = 10.0
+_STEEPNESS = 8.0
+"""Detail has about an eighth of a layer's contrast."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +80,12 @@ class ImageBatch:
             buffers.append(torch.cat(known) if known else None)
         return cls(image, coverage, *buffers)
 
-    def tone_mapped(self, background: Float[Tensor, "batch 3"]) -> Pictures:
+    def tone_mapped(self, background: Float[Tensor, "batch 3"], octaves: int = 0) -> Pictures:
         """The images over a plain background, in about [-1, 1], and six channels of G-buffer and nine of light buffer.
 
-        Three more are the difference between the images and the clean ones, both tone-mapped. The size of a pixel and
-        each label are one more channel, the same everywhere. None has no channels. The light buffer is over black, and
-        has the images' tone curve.
+        Three more are the difference between the images and the clean ones, both tone-mapped, and three more each of
+        its `octaves_of`, at eight times its contrast. The size of a pixel and each label are one more channel, the
+        same everywhere. None has no channels. The light buffer is over black, and has the images' tone curve.
 
         The tone curve is log(1 + 10 x) / log 11 * 2 - 1. The curve maps 0 to -1 and 1 to 1, and is never flat:
         highlights keep a gradient.
@@ -96,7 +99,8 @@ class ImageBatch:
             channels.append(tone_curve(self.light_buffer.float()))
         if self.clean is not None:
             clean = over(self.clean.float(), self.coverage.float(), background[:, None, None, :])
-            channels.append(shown - tone_curve(clean))
+            difference = shown - tone_curve(clean)
+            channels += [difference, *(_STEEPNESS * octave for octave in octaves_of(difference, octaves))]
         even = (self.pixel_size, self.labels)
         channels += [known[:, None, None, :].expand(*self.coverage.shape, -1) for known in even if known is not None]
         return torch.cat(channels, dim=-1).permute(0, 3, 1, 2)
@@ -111,7 +115,11 @@ class DiscriminatorBatch:
 
 
 def composite_pair(
-    real: ImageBatch, fake: ImageBatch, rng: np.random.Generator, augmented: Float[Tensor, ""] | None = None
+    real: ImageBatch,
+    fake: ImageBatch,
+    rng: np.random.Generator,
+    augmented: Float[Tensor, ""] | None = None,
+    octaves: int = 0,
 ) -> DiscriminatorBatch:
     """Tone-maps both sides over random plain backgrounds.
 
@@ -120,14 +128,40 @@ def composite_pair(
     Args:
         augmented: the share of pairs that are mirrored and turned at random. An exemplar and its fake are turned alike,
             so the generator learns nothing of it.
+        octaves: how many octaves of the difference to the clean picture the discriminator is shown (`octaves_of`).
     """
     background = _random(rng.random((len(real), 3), dtype=np.float32), real)
-    shown = [each.tone_mapped(background) for each in (real, fake)]
+    shown = [each.tone_mapped(background, octaves) for each in (real, fake)]
     if augmented is not None:
         chosen = _random(rng.random((len(real), 1), dtype=np.float32), real) < augmented
         turns = chosen & _random(rng.random((len(real), 3)) < 0.5, real)
         shown = [_turned(each, turns) for each in shown]
     return DiscriminatorBatch(*shown)
+
+
+def octaves_of(
+    images: Float[Tensor, "batch height width channels"], count: int
+) -> list[Float[Tensor, "batch height width channels"]]:
+    """The octaves of pictures from the second finest on, each at the full size (Burt and Adelson 1983).
+
+    The finest is left out: there fakes have the most noise, by which they would be told apart.
+    """
+    size, found = images.shape[1:3], []
+    rest = _halved(images.permute(0, 3, 1, 2))
+    for _ in range(count):
+        coarser = _halved(rest)
+        octave = rest - _sized(coarser, rest.shape[2:])
+        found.append(_sized(octave, size).permute(0, 2, 3, 1))
+        rest = coarser
+    return found
+
+
+def _halved(images: Pictures) -> Pictures:
+    return F.avg_pool2d(images, 2, ceil_mode=True, count_include_pad=False)
+
+
+def _sized(images: Pictures, size: Sequence[int]) -> Pictures:
+    return F.interpolate(images, tuple(size), mode="bilinear", align_corners=False)
 
 
 def _random(values: ndarray, batch: ImageBatch) -> Tensor:

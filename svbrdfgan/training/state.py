@@ -234,7 +234,11 @@ def load_discriminator(checkpoint: Path, config: DiscriminatorConfig, labels: in
 
 def make_discriminator(config: DiscriminatorConfig, labels: int = 0, judged: int = RGB) -> Discriminator:
     """The network for what it judges, such as colour, for the buffers that it is shown, and one for each label."""
-    buffers = _GBUFFER * config.gbuffer + LIGHT_CHANNELS * config.light_buffer + RGB * config.clean_picture
+    buffers = (
+        _GBUFFER * config.gbuffer
+        + LIGHT_CHANNELS * config.light_buffer
+        + RGB * config.clean_picture * (1 + config.octaves)
+    )
     channels = judged + buffers + config.pixel_size + labels
     return Discriminator(channels=channels, **config.model_dump(include={"width", "layers", "norm"}))
 

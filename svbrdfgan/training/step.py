@@ -38,7 +38,8 @@ def training_step(
 
     def make(critic_step: int, indices: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
         visit = (state.step * len(batches) + critic_step) * config.batch_size // len(source)
-        return composite_pair(*_pair(fabric, state, source, indices, rng, visit), rng, augmented)
+        pair = _pair(fabric, state, source, indices, rng, visit)
+        return composite_pair(*pair, rng, augmented, config.discriminator.octaves)
 
     diagnostics = adversarial_step(fabric, config, state, batches, make)
     if augmented is None:

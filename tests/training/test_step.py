@@ -20,7 +20,7 @@ from svbrdfgan.data.conditions import labels_of_scenes
 from svbrdfgan.errors import AssetError, ConfigError, TrainingError
 from svbrdfgan.training.batches import BatchSource, make_batch_source
 from svbrdfgan.training.config import TrainConfig, train_config
-from svbrdfgan.training.discriminator_batch import ImageBatch
+from svbrdfgan.training.discriminator_batch import ImageBatch, octaves_of
 from svbrdfgan.training.resolve import resolve_run
 from svbrdfgan.training.state import State, checkpoints
 from svbrdfgan.training.step import Diagnostics, draw_seeds, make_pair, step_rng, training_step
@@ -239,6 +239,25 @@ def test_a_clean_picture_is_shown_as_the_difference_from_it() -> None:
     assert joined.shape == (4, 4, 4, 3)
 
 
+def test_octaves_of_the_difference_are_shown_steeper() -> None:
+    """A checkerboard of two pixels lies in the second finest octave, and one of single pixels in none of them."""
+    row, col = torch.meshgrid(torch.arange(32), torch.arange(32), indexing="ij")
+    boards = [((row // side + col // side) % 2).float() - 0.5 for side in (1, 2)]
+    images = torch.stack(boards)[..., None].expand(2, 32, 32, 3)
+    power = torch.stack([octave.square().mean(dim=(1, 2, 3)) for octave in octaves_of(images, 3)])
+    assert (power > 1e-12).tolist() == [[False, True], [False, False], [False, False]]
+    batch = ImageBatch(torch.rand(2, 9, 13, 3), torch.ones(2, 9, 13), clean=torch.rand(2, 9, 13, 3))
+    shown = batch.tone_mapped(torch.rand(2, 3), octaves=2).permute(0, 2, 3, 1)
+    assert shown.shape == (2, 9, 13, 12)
+    steeper = torch.cat([8.0 * octave for octave in octaves_of(shown[..., 3:6], 2)], dim=-1)
+    assert torch.allclose(shown[..., 6:], steeper, atol=1e-6)
+
+
+def test_octaves_need_a_clean_picture(config: Callable[..., TrainConfig]) -> None:
+    with pytest.raises(ConfigError, match="clean_picture: true"):
+        config(rendering="online", discriminator={"octaves": 2})
+
+
 def test_pixel_sizes_and_labels_are_planes_after_the_buffers() -> None:
     labels, sizes = torch.tensor([[0.5, -1.0], [0.0, 1.0]]), torch.tensor([[0.25], [-0.75]])
     given = ImageBatch(torch.zeros(2, 4, 4, 3), torch.zeros(2, 4, 4), None, labels=labels, pixel_size=sizes)
@@ -261,9 +280,11 @@ def test_pixel_sizes_and_labels_are_planes_after_the_buffers() -> None:
 def test_the_discriminator_has_channels_for_what_it_is_shown(
     shown: tuple[str, ...], channels: int, config: Callable[..., TrainConfig]
 ) -> None:
-    chosen = config(rendering="online", discriminator={"gbuffer": False, **dict.fromkeys(shown, True)})
-    first = next(m for m in State.fresh(chosen, CPU).discriminator.modules() if isinstance(m, torch.nn.Conv2d))
-    assert first.in_channels == channels
+    for octaves in (0, 2) if "clean_picture" in shown else (0,):
+        given = {"gbuffer": False, "octaves": octaves, **dict.fromkeys(shown, True)}
+        state = State.fresh(config(rendering="online", discriminator=given), CPU)
+        first = next(m for m in state.discriminator.modules() if isinstance(m, torch.nn.Conv2d))
+        assert first.in_channels == channels + 3 * octaves
 
 
 def test_a_step_in_other_light_is_taken_beside_the_light_buffer(

@@ -127,7 +127,9 @@ class Trial:
         return network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
 
     def _batch(self, pairs: Sequence[int], rng: np.random.Generator) -> DiscriminatorBatch:
-        return composite_pair(self.real.pick(pairs), self.fake.pick(pairs), rng)
+        return composite_pair(
+            self.real.pick(pairs), self.fake.pick(pairs), rng, octaves=self.config.discriminator.octaves
+        )
 
     @torch.no_grad()
     def _margins(self, network: nn.Module, pairs: Sequence[int]) -> Margins:
