@@ -27,6 +27,7 @@ REDRAWS = wp.constant(4)
 has is drawn at once, as one sequence: several short ones are spread less evenly, and fakes would be noisier than
 exemplars."""
 SHADOWED = wp.constant(wp.uint32(0xFFFFFFFF))
+_SPREAD = wp.constant(wp.uint32(0x9E3779B1))  # as a literal, compilers would warn of it
 # Streams of `rng.hashed`; 0 and 1 belong to `rng.numbers`.
 _WITHIN = wp.constant(wp.uint32(0x10000))
 _PASSES = wp.constant(wp.uint32(0x20000))
@@ -162,7 +163,7 @@ def reaches_light(view: StoredView, hit: int, d: wp.vec3, number: wp.uint32):
 @wp.func
 def draw_number(visit: int):
     """The number that is mixed into the seed of a visit's light samples."""
-    return wp.uint32(visit) * wp.uint32(0x9E3779B1) + wp.uint32(0x7F4A7C15)
+    return wp.uint32(visit) * _SPREAD + wp.uint32(0x7F4A7C15)
 
 
 @wp.func
