@@ -82,9 +82,7 @@ def _hush() -> None:
 
 def _reason(processes: list[SpawnProcess], work: str, option: str) -> AssetError | ConfigError:
     """Why a pool is broken, by how the first of its processes ended that nobody ended."""
-    for process in processes:
-        process.join(_GRACE_SECONDS)
-    codes = [process.exitcode for process in processes if process.exitcode not in (None, 0, -signal.SIGTERM)]
+    codes = [code for code in map(_exit_code, processes) if code not in (None, 0, -signal.SIGTERM)]
     code = codes[0] if codes else -signal.SIGTERM
     if code == _UNGUARDED:
         return ConfigError(f'a script that asks for several {option} needs its `if __name__ == "__main__":`.')
@@ -92,6 +90,18 @@ def _reason(processes: list[SpawnProcess], work: str, option: str) -> AssetError
         return AssetError(f"a process that {work} was killed, probably for memory; try fewer {option}.")
     ended = f"signal {-code}" if code < 0 else f"exit code {code}"
     return AssetError(f"a process that {work} ended with {ended}: run the command again, with {option} 1 to see why.")
+
+
+def _exit_code(process: SpawnProcess) -> int | None:
+    """How a process ended; None if it does not end soon.
+
+    The system tells one thread alone. If that is the pool's, this one waits until the pool's has written it down.
+    """
+    process.join(_GRACE_SECONDS)
+    until = time.monotonic() + _GRACE_SECONDS
+    while process.exitcode is None and time.monotonic() < until:
+        time.sleep(0.01)
+    return process.exitcode
 
 
 class _Process(SpawnProcess):
