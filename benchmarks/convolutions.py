@@ -1,17 +1,20 @@
-"""The time of the networks' convolutions on a GPU, and of the same with channels padded to multiples of eight.
+"""The time of the networks' convolutions, and of the same with channels padded to multiples of eight.
 
-    python benchmarks/convolutions.py
+    python benchmarks/convolutions.py [BATCH]
 
-Pictures of 256x256 at the thesis's widths, batch 16, bf16, channels last: milliseconds of the forward pass, and of
-forward and backward, with the rate at which that multiplies and adds.
+Pictures of 256x256 at the thesis's widths, by default a batch of 16, bf16, channels last: milliseconds of the forward
+pass, and of forward and backward, with the rate at which that multiplies and adds.
 """
 
 from __future__ import annotations
 
+import sys
+
 import torch
 import torch.nn.functional as F
+from torch.utils.benchmark import Timer
 
-_BATCH = 16
+_DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 _SHAPES = [  # inputs, outputs, kernel, stride, pixels with their padding
     ("generator, first", 6, 64, 7, 1, 262),
     ("  of 8 inputs", 8, 64, 7, 1, 262),
@@ -30,27 +33,23 @@ _SHAPES = [  # inputs, outputs, kernel, stride, pixels with their padding
 ]
 
 
-def main() -> None:
-    from triton.testing import do_bench  # type: ignore[import-not-found, import-untyped, unused-ignore]
-
+def main(batch: int = 16) -> None:
     for name, inputs, outputs, kernel, stride, side in _SHAPES:
-        image, weight = (_random(shape) for shape in ((_BATCH, inputs, side, side), (outputs, inputs, kernel, kernel)))
+        image, weight = (_random(shape) for shape in ((batch, inputs, side, side), (outputs, inputs, kernel, kernel)))
 
-        def forward(image: torch.Tensor = image, weight: torch.Tensor = weight, stride: int = stride) -> torch.Tensor:
-            return F.conv2d(image, weight, stride=stride)
-
-        grad = torch.randn_like(forward())
-        one = do_bench(forward, return_mode="median")
-        both = do_bench(lambda: torch.autograd.grad(forward(), (image, weight), grad), return_mode="median")  # noqa: B023
+        given = {"conv": F.conv2d, "grad": torch.autograd.grad, "x": image, "w": weight, "s": stride}
+        given["g"] = grad = torch.randn_like(F.conv2d(image, weight, stride=stride))
+        forward, backward = "conv(x, w, stride=s)", "grad(conv(x, w, stride=s), (x, w), g)"
+        one, both = (1e3 * Timer(step, globals=given).blocked_autorange().median for step in (forward, backward))
         flops = 2 * grad.numel() * inputs * kernel**2
         rates = flops / one / 1e9, 3 * flops / both / 1e9
         print(f"{name:22} {one:7.3f} ms {rates[0]:5.0f} TFLOP/s {both:7.3f} ms {rates[1]:5.0f} TFLOP/s", flush=True)
 
 
 def _random(shape: tuple[int, ...]) -> torch.Tensor:
-    values = torch.randn(shape, device="cuda", dtype=torch.bfloat16)
+    values = torch.randn(shape, device=_DEVICE, dtype=torch.bfloat16)
     return values.contiguous(memory_format=torch.channels_last).requires_grad_()
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:]))

@@ -68,6 +68,12 @@ def _stream(current: torch.cuda.Stream) -> wp.Stream:
     return wp.stream_from_torch(current)
 
 
+def finish(device: torch.device) -> None:
+    """Waits for CUDA: a later caller may use what was made in another stream."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
+
+
 def upload(tensor: Tensor, device: torch.device) -> Tensor:
     """The tensor on the device. The caller does not wait for a copy to CUDA if it is small.
 

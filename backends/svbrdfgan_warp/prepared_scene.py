@@ -17,7 +17,7 @@ from torch import Tensor
 from svbrdfgan.types import Surface, TransportSamples, View
 from svbrdfgan_warp import alpha_kernels, emitter, rng, texture_kernels, trace_kernels
 from svbrdfgan_warp.alpha_kernels import AlphaMaps
-from svbrdfgan_warp.device import argument, launch, quiet
+from svbrdfgan_warp.device import argument, finish, launch, quiet
 from svbrdfgan_warp.frame import TangentSpace
 from svbrdfgan_warp.shapes import Shape, ShapeCache, on_device
 
@@ -69,8 +69,7 @@ def prepare(surface: Surface, device: torch.device, shapes: ShapeCache) -> Prepa
     geometry.face_part = wp.from_torch(on_device(surface.face_part, np.int32, device))
     opaque = all(part.opaque for part in surface.parts)
     alpha = None if opaque else _alpha_maps(surface, geometry, device)
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)  # the caller may render in another stream than this one
+    finish(device)
     return PreparedSurface(geometry, shape, centre, device, surface, alpha)
 
 

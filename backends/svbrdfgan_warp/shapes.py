@@ -17,7 +17,7 @@ from torch import Tensor
 from svbrdfgan.geometry.tangents import corner_tangents
 from svbrdfgan.types import Surface
 from svbrdfgan_warp.bvh import build_bvh
-from svbrdfgan_warp.device import quiet
+from svbrdfgan_warp.device import finish, quiet
 from svbrdfgan_warp.frame import TangentSpace
 
 
@@ -54,7 +54,7 @@ class Shape:
             on_device(values, np.float32, self.points.device) for values in (tangents.direction, tangents.handedness)
         )
         result.tangents, result.handedness = wp.from_torch(direction, wp.vec3), wp.from_torch(handedness)
-        _finish(self.points.device)
+        finish(self.points.device)
         return cast(TangentSpace, result)
 
 
@@ -86,7 +86,7 @@ class ShapeCache:
                     return known
             with quiet():
                 shape = Shape(points, corners, normals, *build_bvh(points, corners))
-            _finish(self._device)
+            finish(self._device)
             self._shapes.add(shape)
             return shape
 
@@ -94,9 +94,3 @@ class ShapeCache:
 def on_device(values: ndarray, dtype: type, device: torch.device) -> Tensor:
     """A copy of the values on the device."""
     return torch.from_numpy(np.array(values, dtype=dtype, order="C")).to(device)
-
-
-def _finish(device: torch.device) -> None:
-    """Waits for CUDA: a later caller may render in another stream."""
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)

@@ -51,7 +51,7 @@ def measure(renderer: CheckedRenderer, scene: BenchScene, spp: int, batch: int, 
 
     _both_passes(meter, "", fresh, inputs)
     if renderer.capabilities.transport and not scene.gloss.size:
-        transport = meter.step("transport", lambda: transport_of(renderer, prepared, scene, view, spp))
+        transport = meter.step("transport", lambda: _transport(renderer, prepared, scene, view, spp))
         meter.start(kept=transport.nbytes)
         stored = TransportBatch.stack([transport, *(_copy(transport) for _ in range(batch - 1))])
         texels = torch.stack([each["base_color"].detach() for each in textures]).requires_grad_()
@@ -82,7 +82,7 @@ def measure(renderer: CheckedRenderer, scene: BenchScene, spp: int, batch: int, 
 
 
 def _unused(renderer: CheckedRenderer) -> CheckedRenderer:
-    """Its like, which has prepared nothing: a renderer may share what it made of a surface before."""
+    """The same renderer as if new: one that has prepared a surface may share what it made of it."""
     return replace(renderer, plugin=copy.copy(renderer.plugin))
 
 
@@ -100,7 +100,7 @@ def _both_passes(meter: Meter, prefix: str, render: Callable[[], Tensor], textur
     meter.step(f"{prefix}forward_backward", forward_backward)
 
 
-def transport_of(
+def _transport(
     renderer: CheckedRenderer, prepared: PreparedSurface, scene: BenchScene, view: View, spp: int
 ) -> LightTransport:
     """The transport of the first rendered picture, whose seed is 0."""
