@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     "-o", "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for probe.json and pairs.png."
 )
 @click.option(
+    "--true-layers",
+    is_flag=True,
+    help="Both sides show the exemplars' true layers, as of a perfect generator; not none.",
+)
+@click.option(
     "--minutes",
     type=click.FloatRange(min=0, min_open=True),
     help="Limit on the learning of all probes together; rendering comes before and is not counted.",
@@ -31,7 +36,12 @@ if TYPE_CHECKING:
 @click.option("--device", type=click.Choice(DEVICES), help="Instead of CONFIG's.")
 @memory_option
 def command(
-    config: Path, overrides: tuple[str, ...], out: Path | None, minutes: float | None, device: str | None
+    config: Path,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    true_layers: bool,
+    minutes: float | None,
+    device: str | None,
 ) -> None:
     """Find what besides texture would tell real from fake in a training run with the YAML file CONFIG.
 
@@ -45,7 +55,9 @@ def command(
 
         words = (*overrides, f"device={device}") if device else overrides
         training = train_config(read_config(config, words), str(config))
-        probed = probe_shortcuts(training, base=config.parent, minutes=minutes, display=display)
+        probed = probe_shortcuts(
+            training, base=config.parent, true_layers=true_layers, minutes=minutes, display=display
+        )
         if out:
             display.stage(f"writing {out}")
             probed.save(out)
@@ -59,7 +71,8 @@ def command(
 def _table(report: LeakageReport) -> Table:
     from rich.table import Table
 
-    title = f"share of {report.judged} pairs of unweathered pictures in which the real one was recognised"
+    shown = {"none": "unweathered pictures", "true": "pictures of true layers"}[report.layers]
+    title = f"share of {report.judged} pairs of {shown} in which the real one was recognised"
     table = Table("confounder", "real and fake", "verdict", "99 % interval", title=title)
     for name, finding in (*report.alone.items(), ("all together", report.together)):
         share = finding.share

@@ -36,6 +36,13 @@ def test_a_table_and_two_files(training_data: Data, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "probe.json").read_text())["exemplars"] == 6
 
 
+def test_the_title_says_that_true_layers_were_shown(training_data: Data, tmp_path: Path) -> None:
+    result = probe(training_data(), tmp_path, "--true-layers", "--minutes", 0.01, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[0].strip().startswith("share of 2 pairs of pictures of true layers in which")
+    assert json.loads((tmp_path / "out" / "probe.json").read_text())["layers"] == "true"
+
+
 def test_nothing_is_written_unasked(training_data: Data, tmp_path: Path) -> None:
     result = probe(training_data(), tmp_path, "--device", "cpu", "--minutes", 0.01)
     assert result.exit_code == 0, result.output

@@ -43,19 +43,22 @@ class Roles:
     judge: Sequence[int]
 
     @classmethod
-    def deal(cls, subject_of: Sequence[int], seed: int) -> Roles:
+    def deal(cls, meshes: Sequence[str], seed: int) -> Roles:
         """Two fifths, one fifth and two fifths of all pairs, at random.
 
-        Pairs of one subject share a role, unless there are fewer than five subjects.
+        Pairs of one mesh share a role, unless there are fewer than five meshes.
+
+        Args:
+            meshes: what names that of each pair.
 
         Raises:
             ConfigError: there are fewer than five pairs.
         """
         least = len(_DEALT)
-        if len(subject_of) < least:
-            raise ConfigError(f"the data set has {len(subject_of)} exemplars to train on; a probe needs {least}.")
-        units = subject_of if len(set(subject_of)) >= least else range(len(subject_of))
-        _, unit_of = np.unique(units, return_inverse=True)
+        if len(meshes) < least:
+            raise ConfigError(f"the data set has {len(meshes)} exemplars to train on; a probe needs {least}.")
+        names = list(meshes) if len(set(meshes)) >= least else list(map(str, range(len(meshes))))
+        _, unit_of = np.unique(names, return_inverse=True)
         place = np.random.default_rng([seed, 0]).permutation(unit_of.max() + 1)[unit_of] % least
         role = np.array(_DEALT)[place]
         return cls(*(np.flatnonzero(role == wanted).tolist() for wanted in (_LEARN, _CHOOSE, _JUDGE)))

@@ -37,7 +37,7 @@ class ProbeResult:
     """The findings of a probe, and a picture of them.
 
     Attributes:
-        pairs: the judged pairs with the largest margins, linear: clean exemplars above, fakes below.
+        pairs: the judged pairs with the largest margins, linear: exemplars above, fakes below.
     """
 
     report: LeakageReport
@@ -50,16 +50,24 @@ class ProbeResult:
 
 
 def probe_shortcuts(
-    config: TrainConfig, *, base: Path = Path(), minutes: float | None = None, display: Display | None = None
+    config: TrainConfig,
+    *,
+    base: Path = Path(),
+    true_layers: bool = False,
+    minutes: float | None = None,
+    display: Display | None = None,
 ) -> ProbeResult:
-    """Finds what a discriminator could tell real from fake by if there were no texture to look at.
+    """Finds what a discriminator could tell real from fake by besides the texture.
 
-    The probe trains classifiers on clean, unweathered renders of the exemplars' own scenes and of the scenes that
-    training would render fakes in; then again for each confounder that differs, with the others removed. The probe
-    renders at most 1024 exemplars, evenly chosen, and stores the light transports that training will need.
+    The probe trains classifiers on renders of the exemplars' own scenes and of the scenes that training would render
+    fakes in, both clean, or both of the exemplars' true layers; then again for each confounder that differs, with the
+    others removed. The probe renders at most 1024 exemplars, evenly chosen, and stores the light transports that
+    training will need.
 
     Args:
         base: the folder that paths of the configuration are relative to.
+        true_layers: shows the exemplars' true layers on both sides, as a perfect generator would paint them. So the
+            probe also finds noise that layers have in fakes.
         minutes: roughly the most time that all classifiers may learn. The result then depends on the machine.
 
     Raises:
@@ -68,17 +76,18 @@ def probe_shortcuts(
         AssetError: the data set is missing, not finished, or damaged.
     """
     began, shown = time.monotonic(), display or SilentDisplay()
-    pairs, how = _open(config, base, shown)
-    roles = Roles.deal([int(pairs.exemplars.subject_of[index]) for index in pairs.chosen], config.seed)
+    pairs, how = _open(config, base, true_layers, shown)
+    roles = Roles.deal([pairs.exemplars.scenes[index].mesh.path for index in pairs.chosen], config.seed)
     everything = frozenset(how)
     wanted = list(dict.fromkeys([everything, *(frozenset({name}) for name in how)]))
-    shown.begin("clean pictures of both sides", pairs.steps(wanted))
+    shown.begin("pictures of both sides", pairs.steps(wanted))
     trials = {present: Trial(pairs.run.config, *pairs.render(present), roles) for present in wanted}
     rendered = time.monotonic()
     margins = _judge(trials, minutes, shown)
     report = LeakageReport(
         dataset=config.dataset,
         seed=config.seed,
+        layers="true" if true_layers else "none",
         exemplars=len(pairs.chosen),
         judged=len(roles.judge),
         together=Finding.of("; ".join(how.values()), margins[everything]),
@@ -89,7 +98,9 @@ def probe_shortcuts(
     return ProbeResult(report, _easiest(trials[everything], margins[everything]))
 
 
-def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPairs, dict[Confounder, str]]:
+def _open(
+    config: TrainConfig, base: Path, true_layers: bool, display: Display
+) -> tuple[RenderedPairs, dict[Confounder, str]]:
     """The pairs, not rendered yet, and the confounders of the configuration, in words."""
     device, run = make_fabric(config.device).device, resolve_run(config, base)
     require_run(run, ("train",), device, learns=False)
@@ -103,7 +114,7 @@ def _open(config: TrainConfig, base: Path, display: Display) -> tuple[RenderedPa
     if run.config.discriminator.light_buffer:
         require_reference_materials(renderer)
     chosen = np.unique(np.linspace(0, len(exemplars) - 1, min(len(exemplars), _MOST)).round().astype(int)).tolist()
-    pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, display.advance)
+    pairs = RenderedPairs(run, exemplars, chosen, renderer, exemplar_renderer, device, true_layers, display.advance)
     return pairs, find_confounders(run, exemplar_renderer, renderer)
 
 

@@ -1,4 +1,4 @@
-"""Rendered pairs: pictures of both sides without weathering, so that only confounders tell the sides apart."""
+"""Rendered pairs: pictures of both sides with the same layers or none, so that only confounders tell them apart."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _CHUNK = 8
 Confounders = frozenset[Confounder]
 
 _OF_EXEMPLARS: Confounders = frozenset({"noise", "renderer"})
-"""Those that clean pictures of exemplars depend on."""
+"""Those that pictures of exemplars depend on."""
 
 
 @dataclass(eq=False)
 class RenderedPairs:
-    """Renders both sides' clean pictures, with any of the configuration's confounders present or removed.
+    """Renders both sides' pictures, with any of the configuration's confounders present or removed.
 
     Fakes always use the training's renderer, samples per pixel and stored transports. So pose and light are matched on
     the fakes' side, and noise and renderer on the exemplars' side. A fake never has its exemplar's seed.
@@ -44,6 +44,7 @@ class RenderedPairs:
         chosen: indices of the exemplars that are rendered, in order.
         renderer: the training's renderer.
         exemplar_renderer: the data set's renderer.
+        true_layers: whether both sides show the exemplars' true layers; else both are clean.
         progress: called with the number of pictures rendered since the last call.
         _rendered: a cache of the exemplars' images and coverage, by which of noise and renderer is present.
         _buffers: a cache of the exemplars' G-buffers and light buffers; empty until they are rendered.
@@ -55,6 +56,7 @@ class RenderedPairs:
     renderer: CheckedRenderer
     exemplar_renderer: CheckedRenderer
     device: torch.device
+    true_layers: bool
     progress: Callable[[int], None]
     _rendered: dict[Confounders, tuple[Tensor, Tensor]] = field(default_factory=dict)
     _buffers: list[Tensor | None] = field(default_factory=list)
@@ -65,22 +67,22 @@ class RenderedPairs:
         return len(self.chosen) * (len(trials) + len(exemplars))
 
     def render(self, present: Confounders) -> tuple[ImageBatch, ImageBatch]:
-        """Clean exemplars, and fakes of a generator that paints nothing, as training would show them."""
+        """Exemplars, and fakes of a generator that paints their true layers or nothing, as training would show them."""
         source, pairs = self._source(present), []
         for first in range(0, len(self.chosen), _CHUNK):
             indices = list(self.chosen[first : first + _CHUNK])
             scenes = source.scenes(indices, np.random.default_rng([self.run.config.seed, indices[0]]))
             with torch.no_grad():
-                pairs.append(make_pair(source, indices, scenes, self._nothing(len(indices))))
+                pairs.append(make_pair(source, indices, scenes, self._layers(indices)))
             self.progress(len(indices))
         real, fake = zip(*pairs, strict=True)
         return ImageBatch.cat(real), ImageBatch.cat(fake)
 
     def _source(self, present: Confounders) -> BatchSource:
-        """The training's batches, with clean exemplars, and fakes that differ in these confounders alone."""
+        """The training's batches, with exemplars and fakes that differ in these confounders alone."""
         exemplars, config = self.exemplars, self.run.config
         own_scenes = self._scenes(scenes_with(config.scenes, frozenset()), exemplar_spp(config, exemplars))
-        images, coverage = self._clean_exemplars(present & _OF_EXEMPLARS, own_scenes)
+        images, coverage = self._exemplars(present & _OF_EXEMPLARS, own_scenes)
         return BatchSource(
             exemplars=exemplars,
             fake_scenes=self._scenes(scenes_with(config.scenes, present), config.spp),
@@ -102,8 +104,8 @@ class RenderedPairs:
         run = self.run.with_config(scenes=scenes, spp=spp)
         return make_scenes(run, self.exemplars, "train", self.renderer, self.device)
 
-    def _clean_exemplars(self, present: Confounders, own_scenes: SceneRendering) -> tuple[Tensor, Tensor]:
-        """Images and coverage of the exemplars without weathering, in their own cameras and lights.
+    def _exemplars(self, present: Confounders, own_scenes: SceneRendering) -> tuple[Tensor, Tensor]:
+        """Images and coverage of the exemplars, in their own cameras and lights.
 
         A fake whose own light is divided out has no noise. So an exemplar has none either, unless noise is present.
         """
@@ -115,23 +117,30 @@ class RenderedPairs:
         return self._rendered[present]
 
     def _traced(self, present: Confounders) -> Iterator[tuple[Tensor, Tensor]]:
-        """Yields images and coverage, rendered and rounded as exemplars are stored, with their own seeds."""
+        """Yields images and coverage, rendered and rounded as exemplars are stored, with their own seeds.
+
+        Exemplars that show what is wanted are taken as they are.
+        """
         renderer = self.exemplar_renderer if "renderer" in present else self.renderer
         prepared, last = None, -1
         for index in self.chosen:
             subject, scene = int(self.exemplars.subject_of[index]), self.exemplars.scenes[index]
-            if subject != last:
-                prepared, last = renderer.prepare(self.exemplars.subject(index).surface), subject
             spp = scene.spp if "noise" in present else self.run.fake_spp
-            clean = scene.model_copy(update={"weathering": None, "spp": spp})
-            rendering = render_scene(self.exemplars.loader, renderer, clean, prepared)
-            yield rendering.image.clamp(max=BRIGHTEST).half(), rendering.coverage.half()
+            if self.true_layers and renderer is self.exemplar_renderer and spp == scene.spp:
+                yield self.exemplars.images[index], self.exemplars.coverage[index]
+            else:
+                if subject != last:
+                    prepared, last = renderer.prepare(self.exemplars.subject(index).surface), subject
+                weathering = scene.weathering if self.true_layers else None
+                shown = scene.model_copy(update={"weathering": weathering, "spp": spp})
+                rendering = render_scene(self.exemplars.loader, renderer, shown, prepared)
+                yield rendering.image.clamp(max=BRIGHTEST).half(), rendering.coverage.half()
             self.progress(1)
 
     def _exact(self, own_scenes: SceneRendering) -> Iterator[tuple[Tensor, Tensor]]:
         """Yields images and coverage by the light transport of the exemplars' own scenes."""
         for index in self.chosen:
-            image, coverage = own_scenes.scenes([index], np.random.default_rng(0)).render(self._nothing(1))
+            image, coverage = own_scenes.scenes([index], np.random.default_rng(0)).render(self._layers([index]))
             yield image[0], coverage[0]
             self.progress(1)
 
@@ -148,7 +157,11 @@ class RenderedPairs:
         scattered[list(self.chosen)] = torch.stack(list(values)).to(self.device)
         return scattered
 
-    def _nothing(self, count: int) -> Float[Tensor, "batch rows cols channels"]:
-        """Layers of alpha 0."""
-        texture, maps = self.exemplars.scenes[0].texture, self.exemplars.scenes[0].maps
-        return torch.zeros(count, texture, texture, layer_channels(maps), device=self.device)
+    def _layers(self, indices: Sequence[int]) -> Float[Tensor, "batch rows cols channels"]:
+        """The true layers of these exemplars, or layers of alpha 0."""
+        layers = []
+        for index in indices:
+            scene, texels = self.exemplars.scenes[index], self.exemplars.subject(index).buffer.mask.shape
+            layer = self.exemplars.loader.layer(scene) if self.true_layers else None
+            layers.append(torch.zeros(*texels, layer_channels(scene.maps)) if layer is None else layer.values)
+        return torch.stack(layers).to(self.device)

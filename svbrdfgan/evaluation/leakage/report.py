@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Literal
 
 from jaxtyping import Float
 from torch import Tensor
@@ -76,6 +77,7 @@ class LeakageReport(StrictModel):
     """The contents of `probe.json`.
 
     Attributes:
+        layers: what both sides showed: no layer, or the exemplars' true ones.
         exemplars: number of scenes rendered. The classifiers were judged on `judged` of them and learned from the rest.
         together: all confounders of the configuration at once, as training would show them.
         alone: each confounder with the others removed.
@@ -84,6 +86,7 @@ class LeakageReport(StrictModel):
 
     dataset: str
     seed: int
+    layers: Literal["none", "true"] = "none"
     exemplars: int
     judged: int
     together: Finding

@@ -37,21 +37,21 @@ def noise(count: int, seed: int, mean: float = 0.5) -> ImageBatch:
     return ImageBatch.cat([ImageBatch(image, torch.ones(count, 16, 16), None)])
 
 
-def test_no_subject_has_two_roles() -> None:
-    subject_of = np.repeat(np.arange(12), 4)
-    roles = Roles.deal(subject_of, seed=0)
-    dealt = [set(subject_of[list(role)]) for role in (roles.learn, roles.choose, roles.judge)]
-    assert [len(subjects) for subjects in dealt] == [5, 2, 5]
-    assert set.union(*dealt) == set(range(12))
+def test_no_mesh_has_two_roles() -> None:
+    meshes = [name for name in "abcdefghijkl" for _ in range(4)]
+    roles = Roles.deal(meshes, seed=0)
+    dealt = [{meshes[place] for place in role} for role in (roles.learn, roles.choose, roles.judge)]
+    assert [len(each) for each in dealt] == [5, 2, 5]
+    assert set.union(*dealt) == set(meshes)
     assert sorted([*roles.learn, *roles.choose, *roles.judge]) == list(range(48))
-    assert roles != Roles.deal(subject_of, seed=1)
+    assert roles != Roles.deal(meshes, seed=1)
 
 
-def test_few_subjects_are_dealt_by_picture() -> None:
-    roles = Roles.deal([0] * 6 + [1] * 4, seed=0)
+def test_few_meshes_are_dealt_by_picture() -> None:
+    roles = Roles.deal(["a"] * 6 + ["b"] * 4, seed=0)
     assert [len(role) for role in (roles.learn, roles.choose, roles.judge)] == [4, 2, 4]
     with pytest.raises(ConfigError, match="has 4 exemplars to train on; a probe needs 5"):
-        Roles.deal([0, 1, 2, 3], seed=0)
+        Roles.deal(list("abcd"), seed=0)
 
 
 def test_judged_pairs_teach_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,7 +69,7 @@ def test_judged_pairs_teach_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_equal_distributions_are_chance_and_others_are_told(seed: int) -> None:
-    roles = Roles.deal(range(250), seed)
+    roles = Roles.deal(list(map(str, range(250))), seed)
     fakes = noise(250, 3), noise(250, 3, 0.52)
     matched, other = (Share.of(Trial(config(seed=seed), noise(250, 2), fake, roles).judge()) for fake in fakes)
     assert not matched.leaks

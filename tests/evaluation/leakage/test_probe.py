@@ -148,6 +148,45 @@ def test_the_probe_shows_the_buffers_that_training_shows(
     assert torch.equal(trial.fake.gbuffer, trial.real.gbuffer)
 
 
+@pytest.fixture
+def trials(monkeypatch: pytest.MonkeyPatch) -> list[Trial]:
+    """What the probe would show its classifiers of ten exemplars; they learn nothing."""
+    shown: list[Trial] = []
+    monkeypatch.setattr(probe, "_MOST", 10)
+    monkeypatch.setattr(Trial, "judge", lambda trial, _: shown.append(trial) or torch.zeros(len(trial.roles.judge)))
+    return shown
+
+
+@pytest.mark.parametrize("rendering", ["online", "stored"])
+def test_both_sides_show_the_true_layers_if_asked(
+    rendering: str, training: Training, glossy: Path, trials: list[Trial]
+) -> None:
+    """The exemplars as they are, to the bit, and fakes that differ from them by noise alone."""
+    matched = training(dataset=str(glossy), rendering=rendering, gbuffer=False)
+    reports = [probe_shortcuts(matched, true_layers=true).report for true in (False, True)]
+    assert [report.layers for report in reports] == ["none", "true"]
+    clean, weathered = trials
+    chosen = np.linspace(0, 99, 10).round().astype(int).tolist()
+    exemplars = load_exemplars(resolve_run(matched).dataset, "train").images[chosen]
+    assert torch.equal(weathered.real.image, exemplars)
+    laid = exemplars - clean.real.image
+    off = (weathered.fake.image - exemplars).mean(dim=(1, 2, 3)) / laid.mean(dim=(1, 2, 3))
+    assert off.abs().mean() < 0.1
+
+
+def test_exemplars_of_other_samples_show_their_true_layers_too(
+    training: Training, glossy: Path, trials: list[Trial]
+) -> None:
+    config = training(
+        dataset=str(glossy), rendering="online", gbuffer=False, spp=16, scenes={"camera_noise_degrees": 1e-6}
+    )
+    probe_shortcuts(config, true_layers=True)
+    together, pose, noise = (trial.real.image.float() for trial in trials)
+    assert torch.equal(together, noise)
+    assert not torch.equal(together, pose)
+    assert (pose - together).mean().abs() < 0.02 * together.mean()
+
+
 @pytest.mark.full
 def test_another_renderer_is_told_and_named(training: Training, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that made the exemplars half as bright again, which the others' trials do not see."""
