@@ -1,9 +1,9 @@
 """Warp kernels of deferred shading: light of stored hits drawn and traced, shading under any maps, and its transpose.
 
 A hit has two directions, as in `material_kernels`. One is drawn by the emitter and stored, as a pixel of the
-environment or `SHADOWED`; where in that pixel it lies is a hash of the hit and of the visit for which it was drawn. The
-other is drawn by the BSDF, for the maps of the moment. Both are combined by the balance heuristic, whose densities
-gradients treat as constant.
+environment or `SHADOWED`; where in that pixel it lies follows from the random numbers that drew it, which follow from
+the hit and the visit for which it was drawn. The other is drawn by the BSDF, for the maps of the moment. Both are
+combined by the balance heuristic, whose densities gradients treat as constant.
 
 Kernels have a thread for each view of a batch, from `first` on, and each hit of a view, or each of its pixels. `places`
 holds the first hit and the first texture of each view, counted over the batch.
@@ -29,7 +29,6 @@ exemplars."""
 SHADOWED = wp.constant(wp.uint32(0xFFFFFFFF))
 _SPREAD = wp.constant(wp.uint32(0x9E3779B1))  # as a literal, compilers would warn of it
 # Streams of `rng.hashed`; 0 and 1 belong to `rng.numbers`.
-_WITHIN = wp.constant(wp.uint32(0x10000))
 _PASSES = wp.constant(wp.uint32(0x20000))
 
 
@@ -173,11 +172,22 @@ def last_drawn(pixel: int, visit: int):
 
 
 @wp.func
+def light_numbers(view: StoredView, hit: int, drawn: int):
+    """The random numbers of a hit's light sample for the visit `drawn`.
+
+    The dimensions, like those of rays, are as in `material_kernels.draw_light`: u[0] and u[1] placed the camera
+    samples, and numbers of one dimension differ by a constant only, whatever the seed.
+    """
+    pixel = view.pixel[hit]
+    return rng.numbers(pixel, hit - view.start[pixel], view.seed_low ^ draw_number(drawn), view.seed_high)
+
+
+@wp.func
 def light_position(view: StoredView, hit: int, stored: wp.uint32, drawn: int):
     """The position in the environment of a hit's light sample, which was drawn for the visit `drawn`."""
-    within = rng.hashed(wp.uint32(hit), view.seed_low ^ draw_number(drawn), view.seed_high, _WITHIN)
+    u, _ = light_numbers(view, hit, drawn)
     cols = wp.uint32(view.environment.texels.shape[1])
-    return wp.vec2(float(stored % cols) + rng.unit(within[0]), float(stored / cols) + rng.unit(within[1]))
+    return emitter.position_in(view.environment, int(stored / cols), int(stored % cols), u[2], u[3])
 
 
 @wp.kernel(cuda_max_registers=64)  # as in `trace_kernels.illuminate_hits`
@@ -191,9 +201,7 @@ def draw_light(views: wp.array(dtype=StoredView), first: int, group: int, visit:
     pixel = view.pixel[hit]
     if pixel % REDRAWS != group:
         return
-    # The dimensions, like those of rays, are as in `material_kernels.draw_light`: u[0] and u[1] placed the camera
-    # samples, and numbers of one dimension differ by a constant only, whatever the seed.
-    u, v = rng.numbers(pixel, hit - view.start[pixel], view.seed_low ^ draw_number(visit), view.seed_high)
+    u, v = light_numbers(view, hit, visit)
     row = emitter.drawn_column(view.environment.row_first, 0, u[2])
     stored = wp.uint32(row * view.environment.texels.shape[1])
     stored += wp.uint32(emitter.drawn_column(view.environment.col_first, row, u[3]))

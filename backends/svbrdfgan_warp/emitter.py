@@ -84,8 +84,32 @@ def drawn_column(first: wp.array2d(dtype=wp.uint32), row: int, number: wp.uint32
 
 
 @wp.func
-def sample(emitter: EnvironmentEmitter, row_number: wp.uint32, col_number: wp.uint32, a: wp.uint32, b: wp.uint32):
-    """A position drawn by four random numbers: the pixel in proportion to its light, then uniform within the pixel."""
+def place_in(first: wp.array2d(dtype=wp.uint32), row: int, col: int, number: wp.uint32):
+    """How far a random number lies between those that draw a column and those that draw the next, in [0, 1)."""
+    begin = first[row, col]
+    end = wp.uint32(0)  # 2^32, after the last one
+    if col + 1 < first.shape[1]:
+        end = first[row, col + 1]
+    width = float(end - begin)
+    if end == begin:
+        width = 4294967296.0
+    return wp.min((float(number - begin) + 0.5) / width, 1.0 - rng.UNIT)
+
+
+@wp.func
+def position_in(emitter: EnvironmentEmitter, row: int, col: int, row_number: wp.uint32, col_number: wp.uint32):
+    """The position in a pixel where the random numbers that draw it lie among all that do.
+
+    So positions in one bright pixel, such as the sun's, are spread as evenly as the numbers. Two more numbers of a
+    lattice would not be, in the few of its points that draw the pixel.
+    """
+    x = place_in(emitter.col_first, row, col, col_number)
+    return wp.vec2(float(col) + x, float(row) + place_in(emitter.row_first, 0, row, row_number))
+
+
+@wp.func
+def sample(emitter: EnvironmentEmitter, row_number: wp.uint32, col_number: wp.uint32):
+    """A position drawn by two random numbers: the pixel in proportion to its light, uniform within the pixel."""
     row = drawn_column(emitter.row_first, 0, row_number)
     col = drawn_column(emitter.col_first, row, col_number)
-    return wp.vec2(float(col) + rng.unit(a), float(row) + rng.unit(b))
+    return position_in(emitter, row, col, row_number, col_number)

@@ -108,7 +108,7 @@ def draw_light(
     technique = int(0)  # noqa: UP018, RUF046 - Warp's way to declare a variable
     while technique < 2:  # a loop, so that the compiler inlines the densities once
         if technique == 0:
-            at = emitter.sample(environment, u[2], u[3], v[2], v[3])
+            at = emitter.sample(environment, u[2], u[3])
         else:
             drawn = bsdf.sample(material, frame.outgoing, rng.unit(v[0]), rng.unit(v[1]))
             at = emitter.position(environment, drawn)

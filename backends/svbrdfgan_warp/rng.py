@@ -5,10 +5,11 @@
 import warp as wp
 
 UNIT = wp.constant(1.0 / 16777216.0)  # 2^-24: float32 holds 24 bits, so that no number is rounded up to 1
-# An extensible lattice, good in any two dimensions: Cools, Kuo and Nuyens, "Constructing embedded lattice rules for
-# multivariate integration", SIAM J. Sci. Comput. 28, 2006 (base 2, up to 2^20 points, order-2 weights).
-LATTICE_U = wp.constant(wp.vec4ui(1, 182667, 469891, 498753))
-LATTICE_V = wp.constant(wp.vec4ui(110745, 446979, 250185, 118627))
+# An extensible lattice (Hickernell, Hong, L'Ecuyer and Lemieux, SIAM J. Sci. Comput. 22, 2000) of up to 2^20 points,
+# found by `benchmarks/lattice.py`: any power of two of its first points lies evenly in the plane of u[0] and u[1], of
+# u[2] and u[3], and of v[0] and v[1], and not too unevenly in any other two dimensions.
+LATTICE_U = wp.constant(wp.vec4ui(1, 494565, 1010577, 652213))
+LATTICE_V = wp.constant(wp.vec2ui(616297, 885741))
 
 
 @wp.func
@@ -50,14 +51,14 @@ def unit(bits: wp.uint32):
 
 @wp.func
 def numbers(pixel: int, sample: int, low: wp.uint32, high: wp.uint32):
-    """Eight random numbers: a lattice, randomly shifted in each pixel (Cranley and Patterson, 1976).
+    """Six random numbers: a lattice, randomly shifted in each pixel (Cranley and Patterson, 1976).
 
     Each sample is uniform; together the samples of a pixel are spread more evenly than independent ones.
     """
     i = reversed_bits(wp.uint32(sample))
     u = hashed(wp.uint32(pixel), low, high, wp.uint32(0)) + LATTICE_U * i
-    v = hashed(wp.uint32(pixel), low, high, wp.uint32(1)) + LATTICE_V * i
-    return u, v
+    v = hashed(wp.uint32(pixel), low, high, wp.uint32(1))
+    return u, wp.vec2ui(v[0], v[1]) + LATTICE_V * i
 
 
 @wp.func

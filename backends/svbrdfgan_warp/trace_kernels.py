@@ -172,7 +172,7 @@ def illuminate_hits(
     technique = int(0)  # noqa: UP018, RUF046 - Warp's way to declare a variable
     while technique < 2:  # a loop, so that the compiler inlines the traversal once
         if technique == 0:
-            at = emitter.sample(environment, u[2], u[3], v[2], v[3])
+            at = emitter.sample(environment, u[2], u[3])
             d = emitter.direction(environment, at)
         else:
             d = rng.cosine_direction(point.n, rng.unit(v[0]), rng.unit(v[1]))

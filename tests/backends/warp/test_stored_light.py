@@ -96,11 +96,11 @@ def test_every_light_sample_is_drawn_anew_in_some_visits(renderer: WarpRenderer)
     assert (light.light != first).float().mean() > 0.7
 
 
-@pytest.mark.parametrize("visit", [0, 5])
-def test_stored_pictures_are_as_noisy_as_rendered_ones(renderer: WarpRenderer, visit: int) -> None:
+@pytest.mark.parametrize(("visit", "sun"), [(0, 0.0), (5, 0.0), (5, 100.0)])
+def test_stored_pictures_are_as_noisy_as_rendered_ones(renderer: WarpRenderer, visit: int, sun: float) -> None:
     """Otherwise a discriminator tells fakes from exemplars by their noise, and no layer changes that."""
     case = stored_light.sheet(MAPS)
-    case = replace(case, view=replace(case.view, environment=_smooth_light()))
+    case = replace(case, view=replace(case.view, environment=_smooth_light(sun)))
     stored, spp, seeds = StoredCase(renderer, case, (0,)), 16, range(48)
     rendered = np.stack([stored.rendered.image(case, spp=spp, seed=seed) for seed in seeds])
     shaded = torch.stack(
@@ -109,12 +109,18 @@ def test_stored_pictures_are_as_noisy_as_rendered_ones(renderer: WarpRenderer, v
     assert shaded.var(dim=0).mean().item() == pytest.approx(rendered.var(axis=0, ddof=1).mean(), rel=0.15)
 
 
-def _smooth_light(rows: int = 64, cols: int = 128) -> Environment:
-    """Light from one side with neither edges nor broad pixels: what noise it has depends on how samples spread."""
+def _smooth_light(sun: float, rows: int = 64, cols: int = 128) -> Environment:
+    """Light from one side with neither edges nor broad pixels: what noise it has depends on how samples spread.
+
+    Args:
+        sun: radiance of one pixel more, in the midst of the light.
+    """
     polar = torch.linspace(0.0, math.pi, rows).unsqueeze(1)
     around = torch.linspace(0.0, 2.0 * math.pi, cols)
     lobe = torch.exp(3.0 * (polar.sin() * around.cos() - 1.0))
-    return Environment((0.2 + 4.0 * lobe).unsqueeze(-1).repeat(1, 1, 3))
+    radiance = 0.2 + 4.0 * lobe
+    radiance[rows // 2, 0] += sun
+    return Environment(radiance.unsqueeze(-1).repeat(1, 1, 3))
 
 
 def test_light_is_drawn_for_views_that_need_it(stored: StoredCase) -> None:
