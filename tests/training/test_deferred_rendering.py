@@ -118,7 +118,7 @@ def test_pictures_are_differentiable_in_the_layers(rendering: DeferredRendering)
 
 def test_noise_that_clean_pictures_share_is_divided_out(rendering: DeferredRendering) -> None:
     """As with many more samples of their own, on average over visits, and with gradients of the same picture."""
-    few = replace(rendering, spp=32, hits=32)
+    few = replace(rendering, spp=8, hits=8)
     rust = torch.tensor([0.3, 0.1, 0.03, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0])
     painted, many = rust.repeat(1, 32, 32, 1), replace(rendering, spp=1024, hits=1024)
     painted[..., 3] = torch.linspace(0.0, 1.0, 32)
@@ -128,8 +128,8 @@ def test_noise_that_clean_pictures_share_is_divided_out(rendering: DeferredRende
     for name, each in {"noisy": few, "quiet": quiet}.items():
         found = torch.cat([each.scenes([0], rng(visit), visit).render(painted)[0] for visit in range(0, 160, 10)])
         errors[name] = float((found - wanted).square().mean().sqrt())
-        assert float(found.mean()) == pytest.approx(float(wanted.mean()), rel=0.03), name
-    assert errors["quiet"] < 0.5 * errors["noisy"], errors
+        assert float(found.mean()) == pytest.approx(float(wanted.mean()), rel=0.05), name
+    assert errors["quiet"] < 0.55 * errors["noisy"], errors
     layer = painted.requires_grad_()
     batch, grad = quiet.scenes([0], rng()), torch.randn(wanted.shape, generator=torch.Generator().manual_seed(1))
     images, _ = batch.render(layer)
@@ -143,7 +143,7 @@ def test_noise_that_clean_pictures_share_is_divided_out(rendering: DeferredRende
 
 def test_what_is_shown_beside_quiet_fakes_has_noise_of_its_own(rendering: DeferredRendering) -> None:
     """As beside an exemplar of as many samples; else fakes would be known by how near they are to the clean picture."""
-    quiet = replace(rendering, clean_spp=64)
+    quiet = replace(rendering, clean_spp=16)
     clear = torch.eye(CHANNELS)[8].repeat(1, 32, 32, 1)
     fake, shown = quiet.scenes([0], rng()).render(clear)[0][0], buffers(quiet, 0)[2]
     many = buffers(replace(rendering, clean_spp=16384), 0)[2]

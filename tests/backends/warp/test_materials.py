@@ -290,7 +290,7 @@ def test_gradients_are_those_of_finite_differences_on_the_same_light_samples(
     materials, renderer = textured(), WarpRenderer(device)
     if name not in materials[part].maps or (name == "metallic" and part == 1):  # a metal of 1 has no step upward
         name, part = "roughness", 1
-    kept = renderer._render_pass(renderer.prepare(scenes.corner_box()), materials, view, ALL, 16, 5)
+    kept = renderer._render_pass(renderer.prepare(scenes.corner_box()), materials, view, ALL, 16, 6)
     assert isinstance(kept, MaterialPass)
     kept.forward(keep=True)
     grad_image = torch.randn((9, 11, 3), generator=torch.Generator().manual_seed(1))

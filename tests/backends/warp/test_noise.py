@@ -32,7 +32,7 @@ def sky(sun: float) -> Environment:
 def test_noise_is_far_below_that_of_independent_samples(
     renderer: WarpRenderer, material: str, sun: float, most: float
 ) -> None:
-    """The deviation of a pixel over its mean; it was two to thirteen times as much with a lattice made for 2^10 points."""
+    """The deviation of a pixel over its mean; a lattice made for 2^10 points had 2 to 13 times as much."""
     surface, view = scenes.plane(), scenes.front_view(sky(sun), width=24, height=24)
     materials = Materials((Material(MATERIALS[material]),) * len(surface.parts))
     prepared = renderer.prepare(surface)
