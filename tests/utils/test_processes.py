@@ -42,6 +42,7 @@ with worker_pool(2, "thinks", "workers") as pool:
 @pytest.mark.parametrize("when", ["starting", pytest.param("busy", marks=pytest.mark.full)])
 @pytest.mark.parametrize("to_all", [True, False], ids=["as a terminal", "as kill"])
 def test_ctrl_c_ends_workers_without_tracebacks(when: str, to_all: bool) -> None:
+    """The first or, 20 s later, the second: one that comes just before Python waits for a lock does not end the wait."""
     process = subprocess.Popen(
         [sys.executable, "-c", POOL, when],
         stdout=subprocess.PIPE,
@@ -51,11 +52,16 @@ def test_ctrl_c_ends_workers_without_tracebacks(when: str, to_all: bool) -> None
     )
     assert process.stdout is not None
     assert process.stdout.readline().startswith("begun")
-    began = time.monotonic()
-    (os.killpg if to_all else os.kill)(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=60)  # ends when the workers have, too, which hold the same stderr
+
+    def pressed() -> str:
+        (os.killpg if to_all else os.kill)(process.pid, signal.SIGINT)
+        return process.communicate(timeout=20)[1]  # ends when the workers have, too, which hold the same stderr
+
+    try:
+        said = pressed()
+    except subprocess.TimeoutExpired:
+        said = pressed()
     assert (process.returncode, said) == (130, "")
-    assert time.monotonic() - began < 30
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
