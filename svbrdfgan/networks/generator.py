@@ -16,7 +16,7 @@ from svbrdfgan.networks.inputs import Inputs, window_of
 from svbrdfgan.networks.layers import Norm, make_norm
 from svbrdfgan.networks.modulation import Modulation
 from svbrdfgan.networks.random_fields import random_fields, random_numbers
-from svbrdfgan.networks.relief import relief_normals
+from svbrdfgan.networks.relief import FINE_REACH, fine_relief, relief_normals
 from svbrdfgan.types import channel_slices, layer_channels
 
 GEOMETRY_CHANNELS = 6
@@ -74,7 +74,8 @@ class Generator(nn.Module):
         labels: numbers that say which layer is wanted, such as its amount; about -1 to 1.
         refined: a trained generator of whole maps, which stays as it is. This one refines its layers in windows: it
             reads them next to the geometry, and adds to their logits and slopes, nothing before training
-            (`start_refining`). Both have the same maps, labels and mesh maps.
+            (`start_refining`), and to slopes only those of fine relief (`fine_relief`): the broad ones are known, and
+            pictures of windows hardly show them. Both have the same maps, labels and mesh maps.
     """
 
     def __init__(
@@ -128,8 +129,9 @@ class Generator(nn.Module):
         """How many texels away the input may change the layer, under local norms."""
         ends = self.first.kernel_size[0] // 2 + self.last.pad
         halved = self.multiple - 1  # the sum of a texel of each resolution but the blocks'
+        relief = 1 + (0 if self.refined is None else FINE_REACH)
         # each is convolved on the way down, once or twice on the way up, and aligned to the next on both ways
-        return ends + 5 * halved + 2 * len(self.blocks) * self.multiple + 1
+        return ends + 5 * halved + 2 * len(self.blocks) * self.multiple + relief
 
     @property
     def varies(self) -> bool:
@@ -230,7 +232,8 @@ class Generator(nn.Module):
             return layer
         fine = position if factor == 1 else F.interpolate(position, scale_factor=factor, mode="bilinear")
         texels = factor * (side or max(geometry.shape[2:]))
-        normals = relief_normals(_HEIGHT * x[:, normal.start], fine, texels)
+        height = _HEIGHT * x[:, normal.start]
+        normals = relief_normals(height if beneath is None else fine_relief(height, factor), fine, texels)
         if beneath is not None:
             normals = _with_slopes_of(normals, beneath[:, normal].permute(0, 2, 3, 1))
         return torch.cat([layer[..., : normal.start], normals], dim=-1)

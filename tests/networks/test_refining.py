@@ -91,6 +91,20 @@ def test_tiles_and_windows_are_parts_of_one_layer(generator: Generator, factor: 
     assert (window - part)[middle, middle, :6].abs().mean() < 0.1 * part[middle, middle, :6].std()
 
 
+def test_broad_relief_stays_as_it_is(generator: Generator) -> None:
+    """The mean slopes of a window are those of what is refined, whatever relief is painted."""
+    generator.last.convolve.weight.data *= 100.0
+    asked, seeds, middle = inputs(PLACES, 64), torch.tensor([5, 6]), slice(16, 48)
+    assert generator.refined is not None
+    with torch.no_grad():
+        painted = generator.paint(asked, seeds)[:, middle, middle, 6:]
+        whole = generator.refined(geometry_of(64, 64).expand(2, -1, -1, -1), seeds)
+    beneath = window_of(whole, torch.tensor(PLACES), 64, 64)[:, middle, middle, 6:]
+    added = painted[..., :2] / painted[..., 2:] - beneath[..., :2] / beneath[..., 2:]
+    assert added.std() > 0.02
+    assert (added.mean(dim=(1, 2)).abs() < 0.1 * added.std()).all()
+
+
 def test_a_file_holds_both(generator: Generator, tmp_path: Path) -> None:
     save_generator(tmp_path / "model.safetensors", generator, CONFIG, 0.5)
     loaded, score = load_generator(tmp_path / "model.safetensors")
