@@ -22,12 +22,6 @@ from svbrdfgan.types import Camera, Environment, Gradients, Material, Materials,
 
 Picture = Float[ndarray, "height width 3"]
 
-_ROTATION = math.pi / 8.0
-"""Half a pixel of eight columns: surfaces that face an axis have their horizons between cells of every quadrature.
-
-Else cells across a horizon may err by as much after they were halved as before, and nothing tells.
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -107,15 +101,15 @@ def differentiable(capabilities: RendererCapabilities) -> list[str]:
     return sorted(capabilities.differentiable)
 
 
-def soft_light(rows: int = 4, cols: int = 8, rotation: float = _ROTATION) -> Environment:
+def soft_light(rows: int = 4, cols: int = 8, rotation: float = 0.6) -> Environment:
     """A random environment without dark pixels."""
     light = scenes.random_light(rows, cols, seed=5, rotation=rotation)
     return replace(light, radiance=light.radiance + 0.3)
 
 
-def side_light() -> Environment:
+def side_light(rotation: float = 0.6) -> Environment:
     """A random environment that is brightest on one side, where tilting a normal matters most."""
-    light = soft_light()
+    light = soft_light(rotation=rotation)
     radiance = 0.2 * light.radiance
     radiance[1, :2] += 3.0
     return replace(light, radiance=radiance)
