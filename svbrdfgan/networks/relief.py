@@ -12,17 +12,17 @@ _LEAST = 0.5
 and texels beside the surface are shorter, and would have slopes without bound."""
 
 _BROAD = 6
-"""Texels on each side over which one of two means is taken: waves of 30 texels lose half of their height, those of 8
+"""Texels on either side of one that its mean is taken over: waves of 30 texels lose half of their height, those of 8
 hardly any, and those of 100 nearly all."""
 FINE_REACH = 2 * _BROAD
 """How many texels away a height may change `fine_relief`."""
 
 
 def fine_relief(height: Float[Tensor, "batch rows cols"], factor: int = 1) -> Float[Tensor, "batch rows cols"]:
-    """A height without its broad waves, which are its mean, taken twice, over the texels around each.
+    """A height less the mean of the means around each texel, and so without its broad waves.
 
     Args:
-        factor: how many texels each of these is cut into.
+        factor: how many times finer the texels are than those by which waves are called broad.
     """
     pad, broad = _BROAD * factor, height.unsqueeze(1)
     for _ in range(2):

@@ -42,7 +42,7 @@ with worker_pool(2, "thinks", "workers") as pool:
 @pytest.mark.parametrize("when", ["starting", pytest.param("busy", marks=pytest.mark.full)])
 @pytest.mark.parametrize("to_all", [True, False], ids=["as a terminal", "as kill"])
 def test_ctrl_c_ends_workers_without_tracebacks(when: str, to_all: bool) -> None:
-    """The first or, 20 s later, the second: one that comes just before Python waits for a lock does not end that."""
+    """The first or, 20 s later, the second does: Python may miss one that comes just before it waits for a lock."""
     process = subprocess.Popen(
         [sys.executable, "-c", POOL, when],
         stdout=subprocess.PIPE,
