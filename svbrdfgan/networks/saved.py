@@ -133,4 +133,6 @@ def load_generator(path: Path) -> tuple[Generator, float | None]:
         with torch.device("meta"):  # what the file says takes no memory before its weights are known to fit
             generator = make_generator(about.generator, about.maps, about.labels)
         generator.load_state_dict({name: value.float() for name, value in weights.items()}, assign=True)
+    # convolutions of such weights take channels last, in two thirds of the time on a CPU
+    generator.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
     return generator.eval().requires_grad_(False), about.score

@@ -2,7 +2,6 @@
 
 import ast
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -35,12 +34,6 @@ def broken_links(page: Path) -> list[str]:
         if not target.exists() or (anchor and target.suffix == ".md" and anchor not in anchors(target)):
             found.append(link)
     return found
-
-
-@pytest.mark.parametrize("patch", sorted(REPOSITORY.glob("docs/**/*.patch")), ids=identity)
-def test_patches_can_be_applied(patch: Path) -> None:
-    applied = subprocess.run(["git", "apply", "--check", patch], cwd=REPOSITORY, capture_output=True, text=True)
-    assert applied.returncode == 0, applied.stderr
 
 
 @pytest.mark.parametrize("page", PAGES, ids=identity)

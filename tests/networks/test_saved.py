@@ -25,7 +25,7 @@ def test_a_generator_returns_with_its_maps(maps: tuple[str, ...], tmp_path: Path
     again, score = load_generator(tmp_path / MODEL)
     assert (again.maps, score) == (maps, 0.5)
     with torch.no_grad():
-        assert torch.equal(again(geometry), generator(geometry))
+        torch.testing.assert_close(again(geometry), generator(geometry))  # but for rounding: other memory format
 
 
 def test_half_precision_takes_half_the_space_and_is_read_as_float32(tmp_path: Path) -> None:
