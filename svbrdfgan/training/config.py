@@ -49,8 +49,8 @@ class DiscriminatorConfig(StrictModel):
         ge=0,
         le=6,
         description="with `clean_picture`, shows it so many octaves of the difference, too, from the second finest on, "
-        "each at eight times its contrast: detail is faint beside the layer itself; an experiment, in which fakes must "
-        "have little noise (`hits` of 128 or more)",
+        "each at eight times its contrast: detail is faint beside the layer itself. Fakes must have the exemplars' "
+        "noise ([close-ups](commands.md#close-ups))",
     )
     pixel_size: bool = Field(
         default=False,

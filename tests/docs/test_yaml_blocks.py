@@ -50,7 +50,7 @@ def test_a_distribution_has_random_fields_and_conditions(quickstart: Blocks, com
 
 
 def test_close_ups_have_texels_to_show(quickstart: Blocks, commands: Blocks) -> None:
-    close, train, refining, quiet = commands[2:6]
+    close, train, refining, quiet, faint = commands[2:7]
     near = dataset_of(quickstart, **close)
     assert near.camera.close_ups is not None
     assert near.texture >= 2048
@@ -58,17 +58,20 @@ def test_close_ups_have_texels_to_show(quickstart: Blocks, commands: Blocks) -> 
         assert train_config({"dataset": "data/cars", **each}, "train.yaml").generator.norm in LOCAL_NORMS
     assert refining["refines"] in shipped_models()
     assert train_config({"dataset": "data/cars", **refining, **quiet}, "train.yaml").clean_spp == 4096
+    octaves = train_config({"dataset": "data/cars", **refining, **faint}, "train.yaml")
+    assert octaves.discriminator.octaves > 0
+    assert (octaves.spp, octaves.hits, octaves.clean_spp) == (64, 64, None)  # of exemplars with 64 samples
 
 
 def test_fakes_of_whole_materials_have_the_samples_of_their_exemplars(quickstart: Blocks, commands: Blocks) -> None:
-    materials, train = commands[6:8]
+    materials, train = commands[7:9]
     whole, fakes = dataset_of(quickstart, **materials), train_config(train, "train.yaml")
     assert set(whole.maps) == {"roughness", "metallic", "normal"}
     assert fakes.hits >= fakes.spp == whole.spp  # else their noise would tell them from exemplars
 
 
 def test_pictures_of_a_model_have_labels(quickstart: Blocks, commands: Blocks) -> None:
-    (painted,) = commands[8:]
+    (painted,) = commands[9:]
     labelled = dataset_of(quickstart, **painted)
     assert labelled.weathering is not None
     assert (labelled.weathering.model, len(labelled.labels)) == ("runs/cars", 4)
