@@ -36,6 +36,7 @@ from svbrdfgan.scene.cache import (
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
+from svbrdfgan.scene.user_cache import kept_for_user
 from svbrdfgan.scene.window import (
     WHOLE,
     bordered,
@@ -64,7 +65,8 @@ class SceneLoader:
 
     Attributes:
         folder: asset paths are relative to it.
-        keep: whether subjects, mesh maps and layers are cached in files there, for the next process.
+        keep: whether subjects, mesh maps and layers are cached in files there, for the next process; what is baked of
+            whole meshes also in the user's cache, if there is one.
     """
 
     folder: Path
@@ -88,8 +90,12 @@ class SceneLoader:
             if scene.window is not None:
                 whole = self._whole_surface(scene)
                 make_room(self._subjects)
-            load, save = partial(load_subject, whole=whole), partial(save_subject, whole=whole)
-            self._subjects[key] = self._stored(path, scene, load, save, self._make_subject)
+            load, save, new = partial(load_subject, whole=whole), partial(save_subject, whole=whole), not path.is_file()
+            found: Subject = self._stored(path, scene, load, save, self._make_subject, baked=True)
+            if new and whole is None:
+                for warning in found.overlooked():
+                    log.warning("%s: %s", scene.mesh.path, warning)
+            self._subjects[key] = found
         return self._subjects[key]
 
     def with_mesh_maps(self, scene: Scene) -> Subject:
@@ -119,7 +125,7 @@ class SceneLoader:
             path = self.cache / "mesh_maps" / f"{key}.safetensors"
             if scene.window is not None:
                 make_room(self._maps)
-            self._maps[key] = self._stored(path, scene, load_mesh_maps, save_mesh_maps, self._make_maps)
+            self._maps[key] = self._stored(path, scene, load_mesh_maps, save_mesh_maps, self._make_maps, baked=True)
         return self._maps[key]
 
     def layer(self, scene: Scene) -> Layer | None:
@@ -133,7 +139,7 @@ class SceneLoader:
             path = self.cache / "layers" / f"{key}.safetensors"
             make_room(self._layers)
             self._layers[key] = self._stored(
-                path, scene, load_layer, save_layer, lambda scene: self.paint(scene, weathering)
+                path, scene, load_layer, save_layer, lambda scene: self.paint(scene, weathering), baked=False
             )
         return self._layers[key]
 
@@ -237,12 +243,9 @@ class SceneLoader:
             return self._make_window(scene, scene.window, mesh)
         embedding = load_embedding(scene.embedding.name, scene.embedding.options)
         try:
-            made = make_subject(mesh, embedding, scene.texture, scene.learnable, file_maps=bool(scene.maps))
+            return make_subject(mesh, embedding, scene.texture, scene.learnable, file_maps=bool(scene.maps))
         except (AssetError, EmbeddingError) as error:
             raise type(error)(*(f"{scene.mesh.path}: {line}" for line in error.args)) from error
-        for warning in made.overlooked():
-            log.warning("%s: %s", scene.mesh.path, warning)
-        return made
 
     def _make_window(self, scene: Scene, size: int, mesh: Mesh) -> Subject:
         """The window that shows most of what the scene's camera sees; as large as the scene's texture at most."""
@@ -270,12 +273,21 @@ class SceneLoader:
         load: Callable[[Path, int], Any],
         save: Callable[[Path, Any], None],
         make: Callable[[Scene], Any],
+        *,
+        baked: bool,
     ) -> Any:
-        if self.keep and path.is_file():
-            return load(path, scene.window or scene.texture)
-        made = make(scene)
-        if self.keep:
-            save(path, made)
+        """What a file of the cache holds; else what the user's cache does, or what is made, which both then keep."""
+        if not self.keep:
+            return make(scene)
+        side = scene.window or scene.texture
+        if path.is_file():
+            return load(path, side)
+        elsewhere = kept_for_user(path, scene) if baked else None
+        found = elsewhere is not None and elsewhere.is_file()
+        made = load(elsewhere, side) if elsewhere is not None and found else make(scene)
+        save(path, made)
+        if elsewhere is not None and not found:
+            save(elsewhere, made)
         return made
 
 
