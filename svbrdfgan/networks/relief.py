@@ -12,7 +12,7 @@ _LEAST = 0.5
 and texels beside the surface are shorter, and would have slopes without bound."""
 
 _BROAD = 6
-"""Texels on either side of one that its mean is taken over: waves of 30 texels lose half of their height, those of 8
+"""The mean around a texel is that of so many on either side: waves of 30 texels lose half of their height, those of 8
 hardly any, and those of 100 nearly all."""
 FINE_REACH = 2 * _BROAD
 """How many texels away a height may change `fine_relief`."""

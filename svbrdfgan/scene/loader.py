@@ -36,7 +36,7 @@ from svbrdfgan.scene.cache import (
 )
 from svbrdfgan.scene.description import AssetRef, Scene, SceneWeathering
 from svbrdfgan.scene.subject import Subject, bake_subject, make_subject
-from svbrdfgan.scene.user_cache import kept_for_user
+from svbrdfgan.scene.user_cache import in_user_cache
 from svbrdfgan.scene.window import (
     WHOLE,
     bordered,
@@ -65,8 +65,8 @@ class SceneLoader:
 
     Attributes:
         folder: asset paths are relative to it.
-        keep: whether subjects, mesh maps and layers are cached in files there, for the next process; what is baked of
-            whole meshes also in the user's cache, if there is one.
+        keep: whether subjects, mesh maps and layers are cached in files there, for the next process. What is baked of
+            whole meshes is then kept in the user's cache, too, if there is one.
     """
 
     folder: Path
@@ -276,18 +276,19 @@ class SceneLoader:
         *,
         baked: bool,
     ) -> Any:
-        """What a file of the cache holds; else what the user's cache does, or what is made, which both then keep."""
+        """What the data set's cache holds, or else the user's, or else what is made; both keep it then."""
         if not self.keep:
             return make(scene)
-        side = scene.window or scene.texture
         if path.is_file():
-            return load(path, side)
-        elsewhere = kept_for_user(path, scene) if baked else None
-        found = elsewhere is not None and elsewhere.is_file()
-        made = load(elsewhere, side) if elsewhere is not None and found else make(scene)
-        save(path, made)
-        if elsewhere is not None and not found:
-            save(elsewhere, made)
+            return load(path, scene.window or scene.texture)
+        shared = in_user_cache(path, scene) if baked else None
+        if shared is not None and shared.is_file():
+            found = load(shared, scene.texture)
+            save(path, found)
+            return found
+        made = make(scene)
+        for place in filter(None, (path, shared)):
+            save(place, made)
         return made
 
 

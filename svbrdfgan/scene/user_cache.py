@@ -1,4 +1,4 @@
-"""A folder of the user's that keeps what was baked of meshes, so that no further data set bakes them again."""
+"""The user's cache: what was baked of meshes for one data set, so that no other bakes them again."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ from svbrdfgan.plugins.registry import EMBEDDINGS, find_plugin
 from svbrdfgan.scene.description import Scene
 
 VARIABLE = "SVBRDFGAN_CACHE"
-"""The environment variable that names the folder; unset, there is none."""
+"""The environment variable that names the folder of the user's cache. Without it there is none."""
 
 
-def kept_for_user(path: Path, scene: Scene) -> Path | None:
-    """Where the folder keeps a file of a data set's cache, whose name goes by the contents of the scene's mesh.
+def in_user_cache(path: Path, scene: Scene) -> Path | None:
+    """The counterpart of a file that a data set's cache keeps of the scene's mesh; None if it has none.
 
-    Each version of the project and of the embedding's distribution has files of its own, so whoever changes either's
-    code leaves the variable unset. Windows are not kept, since
-    each close-up has another; nor meshes whose contents nobody hashed.
+    Windows have none, since each close-up has another, nor have meshes whose contents nobody hashed. Files of other
+    versions of the project or of the embedding's distribution are told apart; changes of code within a version are
+    not.
+
+    Args:
+        path: with the folder and the name that it has in every data set, which go by the mesh's contents.
     """
     folder = os.environ.get(VARIABLE)
     if not folder or scene.window is not None or scene.mesh.sha256 is None:

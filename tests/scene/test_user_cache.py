@@ -15,7 +15,7 @@ from svbrdfgan.errors import AssetError
 from svbrdfgan.scene import loader as loader_module
 from svbrdfgan.scene.loader import SceneLoader
 from svbrdfgan.scene.subject import Subject
-from svbrdfgan.scene.user_cache import VARIABLE, kept_for_user
+from svbrdfgan.scene.user_cache import VARIABLE, in_user_cache
 
 
 @pytest.fixture
@@ -67,19 +67,19 @@ def test_without_a_folder_nothing_is_kept_elsewhere(
     scene, path = tiny_exemplars.scenes[0], fresh / "cache" / "subjects" / "car.safetensors"
     for unset in ("", None):
         monkeypatch.delenv(VARIABLE, raising=False) if unset is None else monkeypatch.setenv(VARIABLE, unset)
-        assert kept_for_user(path, scene) is None
+        assert in_user_cache(path, scene) is None
 
 
 def test_versions_windows_and_unknown_contents_are_told_apart(
     fresh: Path, tiny_exemplars: Exemplars, kept: Path
 ) -> None:
     scene, path = tiny_exemplars.scenes[0], fresh / "cache" / "subjects" / "car.safetensors"
-    assert kept_for_user(path, scene) == (
+    assert in_user_cache(path, scene) == (
         kept / f"svbrdfgan {__version__}, svbrdfgan {__version__}" / "subjects" / "car.safetensors"
     )
     unhashed = scene.mesh.model_copy(update={"sha256": None})
     for other in ({"window": 16}, {"mesh": unhashed}):
-        assert kept_for_user(path, scene.model_copy(update=other)) is None
+        assert in_user_cache(path, scene.model_copy(update=other)) is None
 
 
 def test_a_damaged_file_is_named_where_it_lies(fresh: Path, tiny_exemplars: Exemplars, kept: Path) -> None:
